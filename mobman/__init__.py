@@ -1,0 +1,77 @@
+"""mobman: control of non-holonomic mobile manipulators, on Pinocchio.
+
+>>> import mobman as mm
+>>> record = mm.simulate("youbot", "tsm", "paper", duration=10.0)
+>>> record.metrics["settling_time_1e-4"]
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from mobman.version import __version__
+
+if TYPE_CHECKING:
+    from mobman.controllers.protocol import Controller, list_controllers, make_controller
+    from mobman.errors import MobmanError
+    from mobman.model.build import load_robot
+    from mobman.model.mobile_manipulator import MobileManipulator
+    from mobman.robots.catalogue import list_robots, register_robot
+    from mobman.simulation.closed_loop import simulate
+    from mobman.simulation.record import Record, load_record
+    from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
+    from mobman.tasks.task import Task, list_tasks, make_task
+
+# What `import mobman` offers, each loaded when it is first used: the command line and notebooks
+# should not wait for what they do not need.
+_PUBLIC = {
+    "Controller": "mobman.controllers.protocol",
+    "MobileManipulator": "mobman.model.mobile_manipulator",
+    "MobmanError": "mobman.errors",
+    "Record": "mobman.simulation.record",
+    "Scenario": "mobman.simulation.scenario",
+    "Task": "mobman.tasks.task",
+    "list_controllers": "mobman.controllers.protocol",
+    "list_robots": "mobman.robots.catalogue",
+    "list_scenarios": "mobman.simulation.scenario",
+    "list_tasks": "mobman.tasks.task",
+    "load_record": "mobman.simulation.record",
+    "load_robot": "mobman.model.build",
+    "load_scenario": "mobman.simulation.scenario",
+    "make_controller": "mobman.controllers.protocol",
+    "make_task": "mobman.tasks.task",
+    "register_robot": "mobman.robots.catalogue",
+    "simulate": "mobman.simulation.closed_loop",
+}
+
+__all__ = [
+    "Controller",
+    "MobileManipulator",
+    "MobmanError",
+    "Record",
+    "Scenario",
+    "Task",
+    "__version__",
+    "list_controllers",
+    "list_robots",
+    "list_scenarios",
+    "list_tasks",
+    "load_record",
+    "load_robot",
+    "load_scenario",
+    "make_controller",
+    "make_task",
+    "register_robot",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        return getattr(importlib.import_module(_PUBLIC[name]), name)
+    raise AttributeError(f"module 'mobman' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

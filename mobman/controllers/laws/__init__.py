@@ -1,0 +1,1 @@
+"""The control laws; each module registers the ones it defines."""

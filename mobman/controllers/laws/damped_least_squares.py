@@ -1,0 +1,42 @@
+"""``damped-least-squares``: resolved acceleration on a damped pseudo-inverse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.controllers.computed_torque import RedundancyGains
+from mobman.controllers.gains import gain, require_positive
+from mobman.controllers.laws.pseudo_inverse import PseudoInverse
+from mobman.controllers.protocol import controllers
+
+
+@dataclass(frozen=True, kw_only=True)
+class DampedGains(RedundancyGains):
+    """Gains of :class:`PseudoInverse`, and the damping."""
+
+    mu: float = gain(0.05, "1", "damping of the inverse, j_e^T (j_e j_e^T + mu^2 I)^-1")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "mu")
+
+
+class DampedLeastSquares(PseudoInverse):
+    """As ``pseudo-inverse``, with j_e^T (j_e j_e^T + mu^2 I)^-1 in the place of j_e^+ (Nakamura and
+    Hanafusa; Wampler): bounded at singularities, inexact everywhere else."""
+
+    name = "damped-least-squares"
+    Gains = DampedGains
+    gains: DampedGains
+
+    def inverse(self, jacobian: Array) -> Array:
+        """The damped inverse, shape (nz, m)."""
+        gram = jacobian @ jacobian.T
+        gram[np.diag_indices_from(gram)] += self.gains.mu**2
+        return np.asarray(np.linalg.solve(gram, jacobian).T, dtype=float)
+
+
+controllers.register(DampedLeastSquares.name, DampedLeastSquares)

@@ -1,0 +1,80 @@
+"""What a controller is, and the registry of those with names."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, Protocol, runtime_checkable
+
+from mobman.arrays import Array
+from mobman.errors import UnknownNameError
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.registry import Registry
+from mobman.tasks.task import Task
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """A sampled control law; any object with these two methods is one.
+
+    Optional: ``name``; ``settings() -> dict`` with the gains in force, for records; ``signals() ->
+    dict`` with arrays of the last tick, recorded under their names (``"sliding/s"``, ...);
+    ``criterion``, what e^a is measured by, the robot's posture criterion if there is none.
+    """
+
+    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
+        """Start anew: the nominal robot, the task and the sampling period (s) are these."""
+        ...
+
+    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
+        """The torque to hold from t to t + dt.
+
+        Args:
+            t: Time (s).
+            q: Measured configuration (m, rad), shape (nq,).
+            z: Measured reduced velocity, shape (nz,).
+            z_dot: Measured reduced acceleration under the torque held until now, shape (nz,).
+
+        Returns:
+            v of (17): torques of the wheels, then torques or forces of the arm (N m, N), shape (nz,).
+        """
+        ...
+
+
+controllers: Registry[type[Any]] = Registry(
+    "controller", "mobman.controllers.laws", "mobman.controllers"
+)
+"""Classes that are made from an instance of their own ``Gains``, a dataclass."""
+
+
+def list_controllers() -> list[str]:
+    """The names that :func:`make_controller` takes, sorted."""
+    return controllers.names()
+
+
+def make_controller(name: str, **gains: Any) -> Controller:
+    """A controller by name.
+
+    Args:
+        name: One of :func:`list_controllers`.
+        **gains: Fields of the controller's ``Gains``; underscores may be left out (``lambda0``).
+
+    Raises:
+        UnknownNameError: If there is no such controller, or it has no such gain.
+        GainError: If a gain is outside what the theory allows.
+    """
+    law = controllers.get(name)
+    controller: Controller = law(law.Gains(**_by_field(name, law.Gains, gains)))
+    return controller
+
+
+def _by_field(name: str, gains: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    fields = [field.name for field in dataclasses.fields(gains)]
+    plain = {field.replace("_", ""): field for field in fields}
+    found = {}
+    for key, value in given.items():
+        field = key if key in fields else plain.get(key.replace("_", ""))
+        if field is None:
+            raise UnknownNameError(f"gain of {name!r}", key, fields)
+        found[field] = value
+    return found

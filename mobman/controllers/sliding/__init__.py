@@ -1,0 +1,1 @@
+"""The pieces of the two-stage terminal sliding mode laws."""

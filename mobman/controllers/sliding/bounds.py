@@ -1,0 +1,87 @@
+"""The constants that the theorems need of a robot: bounds of (22), (54) and (64), by sampling."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.controllers.task_space import TaskSpace
+from mobman.errors import SingularityError
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.task import Task
+
+_SAMPLES = 200
+_SPREAD = 0.5  # rad or m: how far sampled arm coordinates are from rest
+_MARGIN = (
+    0.1  # of the sampled minimum: what "auto" uses, since sampling sees the worst state rarely
+)
+_FLOOR = 1e-6  # below this, the samples are singular to the precision of the sampling
+_HORIZON = 10.0  # s: the part of the task that is sampled
+_SEED = 20_240_607
+
+
+def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Array]]:
+    """Times and configurations that the task may lead through.
+
+    The arm near its rest posture and inside its limits, any heading, and the platform where the tip
+    is above the desired point of a random time.
+    """
+    random = np.random.default_rng(_SEED)
+    lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - _SPREAD)
+    upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + _SPREAD)
+    heading = robot.joint_names.index("base_theta") if "base_theta" in robot.joint_names else None
+    position = [robot.joint_names.index(n) for n in ("base_x", "base_y") if n in robot.joint_names]
+    states = []
+    for _ in range(_SAMPLES):
+        t = random.uniform(0.0, _HORIZON)
+        q = robot.q_rest.copy()
+        q[robot.arm_index] = random.uniform(lower, upper)[robot.arm_index]
+        if heading is not None:
+            q[heading] = random.uniform(-math.pi, math.pi)
+        if len(position) == 2:
+            desired = np.asarray(task.desired(t)[0], dtype=float)
+            tip = np.asarray(robot.tip_pose(q).translation)
+            q[position] += desired[:2] - tip[:2]
+        states.append((t, q))
+    return states
+
+
+def jacobian_bound(robot: MobileManipulator, task: Task, space: TaskSpace) -> float:
+    """``a = "auto"``: a tenth of the least lambda_min(J J^T) over :func:`sampled_states`, (22).
+
+    In the implicit form a bound that is lower than need be costs nothing; one above
+    lambda_min(J J^T) lets the state fall off the manifold.
+    """
+    none = np.zeros(robot.nz)
+    least = math.inf
+    for t, q in [(0.0, robot.q_rest), *sampled_states(robot, task)]:
+        try:
+            jacobian = space.errors(t, q, none, robot.velocity(q, none)).J
+        except SingularityError:
+            continue  # (15) supposes that such configurations are not met
+        least = min(least, float(np.linalg.svd(jacobian, compute_uv=False)[-1] ** 2))
+    return max(_MARGIN * least, _FLOOR) if math.isfinite(least) else _FLOOR
+
+
+def actuation_bound(robot: MobileManipulator, task: Task) -> float:
+    """``A = "auto"``: the least lambda_min(B B^T) over :func:`sampled_states`, (54), with a margin.
+
+    B depends on the platform's pose only; for a differential drive it is constant and exact.
+    """
+    none = np.zeros(robot.nz)
+    return 0.99 * min(
+        float(np.linalg.svd(robot.dynamics(q, none).B, compute_uv=False)[-1] ** 2)
+        for _, q in sampled_states(robot, task)
+    )
+
+
+def inertia_bound(robot: MobileManipulator, task: Task) -> float:
+    """``A`` of the inverse-actuation law, A' of (64), when ``"auto"``: half the least
+    lambda_min(M^-1) = 1/lambda_max(M) over :func:`sampled_states`."""
+    none = np.zeros(robot.nz)
+    return 0.5 / max(
+        float(np.linalg.eigvalsh(robot.dynamics(q, none).M)[-1])
+        for _, q in sampled_states(robot, task)
+    )

@@ -1,0 +1,131 @@
+"""The two stages put together: what the three terminal sliding mode laws share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.controllers.criterion import posture_criterion
+from mobman.controllers.gains import (
+    Diagonal,
+    as_settings,
+    gain,
+    require_choice,
+    require_not_negative,
+    require_positive,
+)
+from mobman.controllers.sliding.bounds import actuation_bound, inertia_bound, jacobian_bound
+from mobman.controllers.sliding.discretization import DISCRETIZATIONS, Discretization
+from mobman.controllers.sliding.dynamic_stage import DynamicGains, DynamicStage
+from mobman.controllers.sliding.kinematic_stage import KinematicGains, KinematicStage
+from mobman.controllers.task_space import TaskSpace
+from mobman.errors import UsageError
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.task import Task
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingGains(KinematicGains, DynamicGains):
+    """Gains of both stages, and how they are sampled."""
+
+    c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
+    K_F: Diagonal | None = gain(
+        None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
+    )
+    discretization: Discretization = gain("implicit", "", "of the unit vectors: implicit, explicit")
+    boundary_layer: float = gain(0.0, "m/s^2", "width in which s/|s| becomes s/width; 0 for none")
+    metric_scale: float = gain(1.0, "1", "factor of the nominal M in the implicit form's metric")
+
+    def __post_init__(self) -> None:
+        KinematicGains.__post_init__(self)
+        DynamicGains.__post_init__(self)
+        require_positive(self, "c_F", "metric_scale")
+        require_not_negative(self, "boundary_layer")
+        require_choice(self, "discretization", DISCRETIZATIONS)
+        if self.K_F is not None:
+            require_positive(self, "K_F")
+
+
+class CascadedSlidingControl:
+    """A kinematic stage that gives v_ref and a dynamic stage that makes z' follow it.
+
+    Subclasses say which task errors the first stage drives to zero (:meth:`task_space`) and whether
+    the second uses the actuation matrix's transpose or its inverse (``inverse_actuation``).
+    """
+
+    inverse_actuation = False
+
+    def __init__(self, gains: SlidingGains) -> None:
+        self.gains = gains
+        self._settings: dict[str, Any] = as_settings(gains)
+
+    def task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
+        """The errors that the kinematic stage drives to zero."""
+        raise UsageError(f"{type(self).__name__} does not say what its task space is")
+
+    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
+        """Start anew with v = 0, v_ref = 0 and empty integrals; "auto" bounds are found here.
+
+        Raises:
+            GainError: If a gain has the wrong length for the robot.
+        """
+        gains = self.gains
+        self.criterion = posture_criterion(robot, gains.c_F, gains.K_F)
+        space = self.task_space(robot, task)
+        a, bound = self._bounds(robot, task, space)
+        self._robot = robot
+        self._space = self.task_space(robot, task)
+        self._kinematic = KinematicStage(
+            gains, a, space.p, robot.nz, dt, gains.discretization, gains.boundary_layer
+        )
+        self._dynamic = DynamicStage(
+            gains,
+            bound,
+            robot.nz,
+            dt,
+            inverse=self.inverse_actuation,
+            discretization=gains.discretization,
+            boundary_layer=gains.boundary_layer,
+            metric_scale=gains.metric_scale,
+        )
+        self._settings = {**as_settings(gains), "a": a, "A": bound}
+
+    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
+        """The torque v for the tick, shape (nz,); see :class:`Controller`."""
+        robot, kinematic, dynamic = self._robot, self._kinematic, self._dynamic
+        deviation = q - robot.q_rest
+        velocity = robot.velocity(q, z)
+        errors = self._space.errors(t, q, z, velocity)
+        v_ref_dot = kinematic.step(errors, float(np.sqrt(deviation @ deviation)), z)
+        torque = dynamic.step(
+            z,
+            z_dot,
+            kinematic.v_ref,
+            kinematic.integral_v_ref,
+            v_ref_dot,
+            robot.dynamics(q, z, velocity),
+        )
+        kinematic.advance()
+        return torque
+
+    def settings(self) -> dict[str, Any]:
+        """The gains; after :meth:`reset`, with the numbers that "auto" became."""
+        return self._settings
+
+    def signals(self) -> dict[str, Array]:
+        """The sliding variables of the last tick: s of (31) and S of (51)."""
+        return {"sliding/s": self._kinematic.s, "sliding/S": self._dynamic.S}
+
+    def _bounds(
+        self, robot: MobileManipulator, task: Task, space: TaskSpace
+    ) -> tuple[float, float]:
+        a, bound = self.gains.a, self.gains.A
+        if isinstance(a, str):
+            a = jacobian_bound(robot, task, space)
+        if isinstance(bound, str):
+            find = inertia_bound if self.inverse_actuation else actuation_bound
+            bound = find(robot, task)
+        return a, bound

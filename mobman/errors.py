@@ -1,0 +1,58 @@
+"""The exceptions of mobman: one base class, and messages that list what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class MobmanError(Exception):
+    """Base class of every error that mobman raises on purpose.
+
+    ``exit_status`` is what the command line returns for it: 1, the thing asked for failed; 2, it was
+    asked for wrongly.
+    """
+
+    exit_status = 1
+
+
+class UsageError(MobmanError, ValueError):
+    """Something was asked for wrongly: a name, an option or a value that cannot be."""
+
+    exit_status = 2
+
+
+class UnknownNameError(UsageError):
+    """A name that is not registered; the message gives the nearest valid names."""
+
+    def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
+        self.kind = kind
+        self.name = name
+        self.choices = sorted(choices)
+        near = difflib.get_close_matches(name, self.choices, n=3, cutoff=0.5)
+        hint = f"did you mean {' or '.join(repr(n) for n in near)}? " if near else ""
+        listing = ", ".join(self.choices) or "none"
+        super().__init__(f"unknown {kind} {name!r}; {hint}valid names: {listing}")
+
+
+class GainError(UsageError):
+    """A controller gain outside what its theory allows; the message gives the reason."""
+
+
+class SpecError(UsageError):
+    """A description (robot, scenario, suite) that is not valid.
+
+    The message names the file, the field, what was found and what is allowed.
+    """
+
+
+class ModelError(MobmanError):
+    """A robot model that cannot be built, or a quantity that it cannot give."""
+
+
+class SingularityError(MobmanError):
+    """A matrix that a law must factorise has lost its rank: j (kinematic) or J (algorithmic)."""
+
+
+class RecordError(MobmanError):
+    """A result file that cannot be read or written."""

@@ -1,0 +1,1 @@
+"""Driving bases, one type a file; see :class:`mobman.model.platforms.platform.Platform`."""

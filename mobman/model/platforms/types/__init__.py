@@ -1,0 +1,1 @@
+"""The platform types; each module registers the ones it defines."""

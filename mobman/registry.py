@@ -1,0 +1,75 @@
+"""Named things that are found by looking: one new file registers itself, nothing else changes."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import warnings
+from importlib.metadata import entry_points
+from typing import Generic, TypeVar
+
+from mobman.errors import UnknownNameError
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """Names to things of one kind.
+
+    The modules of ``package`` are imported at the first look-up and register what they define;
+    installed packages add theirs by entry points of ``group``, loaded only when asked for.
+
+    Args:
+        kind: What the things are called in messages, for instance ``"controller"``.
+        package: Package whose modules register themselves when imported.
+        group: Entry-point group of third-party packages.
+    """
+
+    def __init__(self, kind: str, package: str, group: str | None = None) -> None:
+        self.kind = kind
+        self._package = package
+        self._group = group
+        self._items: dict[str, T] = {}
+        self._discovered = False
+
+    def register(self, name: str, item: T) -> T:
+        """Add ``item`` under ``name``, replacing what had the name."""
+        self._items[name] = item
+        return item
+
+    def names(self) -> list[str]:
+        """All names, sorted; third-party ones without loading their packages."""
+        self._discover()
+        return sorted({*self._items, *self._plugins()})
+
+    def get(self, name: str) -> T:
+        """The thing of that name.
+
+        Raises:
+            UnknownNameError: If there is none; the message gives the nearest names.
+        """
+        self._discover()
+        if name not in self._items and name in (plugins := self._plugins()):
+            try:
+                self._items[name] = plugins[name].load()
+            except Exception as error:  # another package's fault must not take mobman down
+                warnings.warn(
+                    f"{self.kind} {name!r} of {plugins[name].value} is left out: {error}",
+                    stacklevel=2,
+                )
+        if name not in self._items:
+            raise UnknownNameError(self.kind, name, self.names())
+        return self._items[name]
+
+    def _plugins(self) -> dict:  # type: ignore[type-arg]
+        if self._group is None:
+            return {}
+        return {point.name: point for point in entry_points(group=self._group)}
+
+    def _discover(self) -> None:
+        if self._discovered:
+            return
+        self._discovered = True
+        package = importlib.import_module(self._package)
+        for module in pkgutil.iter_modules(package.__path__, self._package + "."):
+            importlib.import_module(module.name)

@@ -1,0 +1,1 @@
+"""Closed loops: a sampled controller on a plant that may differ from what the controller knows."""

@@ -1,0 +1,1 @@
+"""Disturbance torques; each module registers the kinds it defines."""

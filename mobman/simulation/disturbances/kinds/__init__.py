@@ -1,0 +1,1 @@
+"""The kinds of disturbances; each module registers its own."""

@@ -1,0 +1,60 @@
+"""How well the redundant degrees of freedom are used."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mobman.errors import SingularityError
+from mobman.model.extended_jacobian import extended_kinematics
+from mobman.simulation.metrics.metric import Run, metric
+
+_PERIOD = 0.01  # s: how often the extended Jacobian is looked at
+
+
+@metric("auxiliary_error_max", "1", "largest |e^a| in the steady part; inf if the run ended early")
+def auxiliary_error_max(run: Run) -> float:
+    if not run.completed:
+        return math.inf
+    return float(np.linalg.norm(run.auxiliary_error[run.steady], axis=1).max())
+
+
+@metric("criterion_final", "1", "criterion F(q) at the end; inf if the run ended early")
+def criterion_final(run: Run) -> float:
+    return run.criterion.value(run.q[-1]) if run.completed else math.inf
+
+
+@metric("lambda_min", "1", "least lambda_min(J J^T), extended Jacobian, every 10 ms", "higher")
+def lambda_min(run: Run) -> float:
+    every = max(1, round(_PERIOD / run.dt))
+    least = math.inf
+    complement = None
+    for q, z in zip(run.q[::every], run.z[::every], strict=True):
+        try:
+            now = extended_kinematics(run.robot, run.task_map, run.criterion, q, z, complement)
+        except SingularityError:
+            return 0.0
+        complement = now.complement
+        least = min(least, float(np.linalg.svd(now.J, compute_uv=False)[-1]) ** 2)
+    return least
+
+
+@metric(
+    "repeatability",
+    "rad, m",
+    "distance of the arm's posture from the one a period before, at the end; NaN for open paths and "
+    "for runs shorter than a period",
+)
+def repeatability(run: Run) -> float:
+    period = getattr(run.task, "period", None)
+    if period is None or not run.completed or run.duration < period:
+        return math.nan
+    before = round((run.t[-1] - period) / run.dt)
+    arm = run.robot.arm_index
+    # the nearest tick is up to dt/2 from a whole period: linear in between
+    fraction = (run.t[-1] - period) / run.dt - before
+    other = before + (1 if fraction > 0 else -1)
+    other = min(max(other, 0), len(run.t) - 1)
+    past = (1 - abs(fraction)) * run.q[before, arm] + abs(fraction) * run.q[other, arm]
+    return float(np.linalg.norm(run.q[-1, arm] - past))

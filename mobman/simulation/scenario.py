@@ -1,0 +1,95 @@
+"""Scenarios: in what the plant and its sensors differ from what the controller supposes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from mobman.arrays import Array
+from mobman.errors import UnknownNameError
+from mobman.simulation.disturbances.disturbance import Torque, disturbances
+from mobman.toml_model import Strict, read_toml, validate
+
+
+class DisturbanceSource(Strict):
+    """A disturbance's type; the other fields are the type's own and are checked by it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    type: str
+
+
+class Scenario(Strict):
+    """A scenario: what a file ``mobman/simulation/scenarios/NAME.toml`` says."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
+    description: str = ""
+    mass_factor: float = Field(1.0, gt=0)
+    """True mass of every link over the nominal one."""
+    inertia_factor: float | None = Field(None, gt=0)
+    """True rotational inertia of every link over the nominal one; the mass factor by default."""
+    payload: float = Field(0.0, ge=0)
+    """Point mass at the tip that the controller does not know (kg)."""
+    disturbances: list[DisturbanceSource] = []
+    """Torques added to the motors'; D = -B d in (17)."""
+    acceleration: Literal["exact", "backward-difference"] = "exact"
+    """How z' is measured: the true one under the torque held until now, or (z_k - z_(k-1))/dt."""
+
+    def disturbance(self, nz: int, random: np.random.Generator) -> Torque | None:
+        """The sum of the disturbances for one run; None if there are none.
+
+        Raises:
+            UnknownNameError: If a disturbance's type is unknown.
+            SpecError: If one of its fields is wrong.
+        """
+        parts: list[Torque] = []
+        # one generator for each, so that adding one does not change the others
+        for source, own in zip(
+            self.disturbances, random.spawn(len(self.disturbances)), strict=True
+        ):
+            kind: Any = disturbances.get(source.type)
+            fields = dict(source.__pydantic_extra__ or {})
+            origin = f"scenario {self.name!r}: disturbance {source.type!r}"
+            parts.append(validate(kind, fields, origin).start(nz, own))
+        if not parts:
+            return None
+
+        def total(t: float) -> Array:
+            torque = parts[0](t)
+            for part in parts[1:]:
+                torque = torque + part(t)
+            return torque
+
+        return total
+
+
+def list_scenarios() -> list[str]:
+    """The names that :func:`mobman.simulate` takes as ``scenario``, sorted."""
+    return sorted(_files())
+
+
+def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
+    """A scenario by name, or from a TOML file.
+
+    Raises:
+        UnknownNameError: If there is no such name.
+        SpecError: If the file is not valid.
+    """
+    text = os.fspath(name_or_path)
+    files = _files()
+    if text in files:
+        path = files[text]
+    elif text.endswith(".toml") or os.sep in text:
+        path = Path(text)
+    else:
+        raise UnknownNameError("scenario", text, files)
+    return validate(Scenario, read_toml(path, "scenario file"), str(path))
+
+
+def _files() -> dict[str, Path]:
+    folder = Path(__file__).parent / "scenarios"
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}

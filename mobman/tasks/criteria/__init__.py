@@ -1,0 +1,1 @@
+"""Criteria F(q) for the redundant degrees of freedom, one a file."""

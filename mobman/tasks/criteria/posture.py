@@ -1,0 +1,61 @@
+"""The posture criterion (12)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.errors import UsageError
+from mobman.model.mobile_manipulator import MobileManipulator
+
+
+class Posture:
+    r"""Distance from a preferred posture,
+    :math:`F = \tfrac{c_F}{2}\langle q - q_{rest}, K_F (q - q_{rest})\rangle` (12).
+
+    Args:
+        weights: Diagonal of K_F, shape (nq,), each above 0.
+        q_rest: Preferred posture, shape (nq,).
+        scale: c_F, above 0.
+
+    Raises:
+        UsageError: If a weight is not positive or the lengths differ.
+    """
+
+    def __init__(self, weights: Array, q_rest: Array, scale: float = 1.0) -> None:
+        self.weights = np.asarray(weights, dtype=float)
+        self.q_rest = np.asarray(q_rest, dtype=float)
+        self.scale = float(scale)
+        if self.weights.shape != self.q_rest.shape:
+            raise UsageError(
+                f"posture criterion: K_F has {self.weights.size} weights, the rest posture "
+                f"{self.q_rest.size} coordinates"
+            )
+        if not (np.all(self.weights > 0) and self.scale > 0):
+            raise UsageError("posture criterion: c_F and every weight of K_F must be above 0")
+        self._diagonal = self.scale * self.weights
+        self._hessian = np.diag(self._diagonal)
+        self._no_rate = np.zeros_like(self._hessian)
+
+    @classmethod
+    def of(cls, robot: MobileManipulator, scale: float = 1.0) -> Posture:
+        """The criterion with the weights and the rest posture of a robot's description."""
+        return cls(robot.criterion_weights, robot.q_rest, scale)
+
+    def value(self, q: Array) -> float:
+        """F(q)."""
+        deviation = q - self.q_rest
+        return float(0.5 * deviation @ (self._diagonal * deviation))
+
+    def gradient(self, q: Array) -> Array:
+        """c_F K_F (q - q_rest), shape (nq,)."""
+        gradient: Array = self._diagonal * (q - self.q_rest)
+        return gradient
+
+    def hessian(self, q: Array) -> Array:
+        """c_F K_F, shape (nq, nq)."""
+        return self._hessian
+
+    def hessian_rate(self, q: Array, q_dot: Array) -> Array:
+        """Zero, shape (nq, nq)."""
+        return self._no_rate

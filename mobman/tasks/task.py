@@ -1,0 +1,90 @@
+"""What a task is, and the registry of those with names."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.errors import UsageError
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.task_map import TaskMap, task_map_for
+from mobman.registry import Registry
+
+
+@runtime_checkable
+class Task(Protocol):
+    """A desired trajectory of the tip; any object with this method is one.
+
+    Optional attributes: ``period`` (s), where the path closes, for the metric of repeatability;
+    ``name``, for records.
+    """
+
+    def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
+        """p_d, p_d', p_d'', p_d''' at time t (m, m/s, ...), each of shape (m,), m = 3 or 2."""
+        ...
+
+
+class TaskFactory(Protocol):
+    """Makes a named task for a robot at its start."""
+
+    def __call__(self, robot: MobileManipulator, q0: Array) -> Task:
+        """The task for ``robot`` that starts at configuration ``q0``."""
+        ...
+
+
+tasks: Registry[TaskFactory] = Registry("task", "mobman.tasks.trajectories", "mobman.tasks")
+
+
+def list_tasks() -> list[str]:
+    """The names that :func:`mobman.simulate` takes as ``task``."""
+    return tasks.names()
+
+
+def make_task(name: str, robot: MobileManipulator, q0: Array | None = None) -> Task:
+    """A task by name.
+
+    Args:
+        name: One of :func:`list_tasks`.
+        robot: Who has to do it.
+        q0: Where it starts; ``robot.q_rest`` by default.
+
+    Raises:
+        UnknownNameError: If no task has the name.
+    """
+    return tasks.get(name)(robot, robot.q_rest if q0 is None else q0)
+
+
+class Desired(NamedTuple):
+    """A trajectory's value and first three derivatives at one time, each of shape (m,)."""
+
+    p: Array
+    p_dot: Array
+    p_ddot: Array
+    p_dddot: Array
+
+
+def desired_at(task: Task, t: float) -> Desired:
+    """``task.desired(t)`` as float arrays."""
+    return Desired(*(np.asarray(part, dtype=float) for part in task.desired(t)))
+
+
+def task_map_of(task: Task) -> TaskMap:
+    """The task map that fits a task's p_d.
+
+    Raises:
+        UsageError: If ``desired`` does not give four vectors of 3 (or of 2) components.
+    """
+    if not isinstance(task, Task):
+        raise UsageError(
+            f"{task!r} is no task: it needs a method desired(t) -> (p_d, p_d', p_d'', p_d''')"
+        )
+    parts = task.desired(0.0)
+    shapes = [np.shape(part) for part in parts]
+    if len(shapes) != 4 or len(set(shapes)) != 1 or len(shapes[0]) != 1:
+        raise UsageError(
+            f"desired(t) of {type(task).__name__} gave arrays of shapes {shapes}; needed: four "
+            "vectors p_d, p_d', p_d'', p_d''' of one length"
+        )
+    return task_map_for(shapes[0][0])

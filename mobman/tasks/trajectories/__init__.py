@@ -1,0 +1,1 @@
+"""Trajectories with names; each module registers the ones it defines."""

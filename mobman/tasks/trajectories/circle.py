@@ -1,0 +1,81 @@
+"""Circles: the paper's, and one that suits any robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.task import tasks
+
+_RADIUS = 0.5  # m
+_RATE = 0.5  # rad/s
+_GAP = 0.1  # m
+
+
+@dataclass(frozen=True)
+class Circle:
+    """p_d = centre + radius (cos(rate t + phase), sin(rate t + phase), 0).
+
+    Args:
+        centre: World coordinates (m), shape (3,).
+        radius: m.
+        rate: rad/s, positive for anticlockwise.
+        phase: Angle at t = 0 (rad).
+    """
+
+    centre: tuple[float, float, float]
+    radius: float
+    rate: float
+    phase: float = 0.0
+    name: str = "circle"
+
+    @property
+    def period(self) -> float:
+        """Duration of a lap (s)."""
+        return 2.0 * math.pi / abs(self.rate)
+
+    def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
+        """p_d and its first three derivatives at time t (s), each of shape (3,)."""
+        angle = self.rate * t + self.phase
+        c = self.radius * math.cos(angle)
+        s = self.radius * math.sin(angle)
+        w = self.rate
+        x, y, z = self.centre
+        return (
+            np.array([x + c, y + s, z]),
+            np.array([-s * w, c * w, 0.0]),
+            np.array([-c * w**2, -s * w**2, 0.0]),
+            np.array([s * w**3, -c * w**3, 0.0]),
+        )
+
+
+def paper_circle(robot: MobileManipulator, q0: Array) -> Circle:
+    """The paper's task, section 4, for its youBot: (2 + cos t, 3 + sin t, 0.35)."""
+    return Circle(centre=(2.0, 3.0, 0.35), radius=1.0, rate=1.0, name="paper")
+
+
+def circle_near_tip(robot: MobileManipulator, q0: Array) -> Circle:
+    """A horizontal circle of 1 m diameter, 0.5 rad/s, at the height of the tip at q0.
+
+    It starts 0.1 m ahead of the tip and first runs along the platform's heading, the platform on
+    its inside: a driving base follows it within the arm's reach.
+    """
+    tip = np.asarray(robot.tip_pose(q0).translation)
+    heading = q0[robot.joint_names.index("base_theta")]
+    ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
+    left = np.array([-math.sin(heading), math.cos(heading), 0.0])
+    centre = tip + _GAP * ahead + _RADIUS * left
+    return Circle(
+        centre=(float(centre[0]), float(centre[1]), float(centre[2])),
+        radius=_RADIUS,
+        rate=_RATE,
+        phase=heading - 0.5 * math.pi,
+    )
+
+
+tasks.register("paper", paper_circle)
+tasks.register("circle", circle_near_tip)

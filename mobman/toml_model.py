@@ -1,0 +1,93 @@
+"""Reading a TOML file into a validated model, with every error at once and each naming its field."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from mobman.errors import SpecError
+
+
+class Strict(BaseModel):
+    """Base of all descriptions: unknown fields are errors, values do not change once read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def read_toml(path: Path, what: str) -> dict[str, Any]:
+    """The content of a TOML file.
+
+    Raises:
+        SpecError: If it cannot be read or is not TOML; the message names the file and the line.
+    """
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise SpecError(f"cannot read the {what} {path}: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SpecError(f"the {what} {path} is not valid TOML: {error}") from error
+
+
+def validate(model: type[M], content: Any, origin: str) -> M:
+    """``content`` as ``model``.
+
+    Args:
+        model: The description's class.
+        content: What was read or given.
+        origin: What to call it in messages, usually the file.
+
+    Raises:
+        SpecError: With one clause for each wrong field: its name, what was found, what is allowed.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise SpecError(f"{origin}: {describe(model, error)}") from error
+
+
+def describe(model: type[BaseModel], error: ValidationError) -> str:
+    """All of a validation's errors in one line."""
+    clauses = []
+    for item in error.errors():
+        field = ".".join(str(part) for part in item["loc"]) or "(whole)"
+        if item["type"] == "extra_forbidden":
+            clauses.append(
+                f"field {field!r} is unknown; allowed beside it: {_siblings(model, item)}"
+            )
+        elif item["type"] == "missing":
+            clauses.append(f"field {field!r} is missing")
+        else:
+            found = repr(item["input"])
+            found = found if len(found) <= 60 else found[:57] + "..."
+            clauses.append(f"field {field!r} is {found}: {item['msg']}")
+    return "; ".join(clauses)
+
+
+def _siblings(model: type[BaseModel], item: Any) -> str:
+    """The names of the fields at the place of an unknown one."""
+    current: Any = model
+    for part in item["loc"][:-1]:
+        fields = getattr(current, "model_fields", {})
+        by_name = {info.alias or name: info for name, info in fields.items()}
+        if part in by_name:
+            current = _model_in(by_name[part].annotation)
+    fields = getattr(current, "model_fields", {})
+    return ", ".join(info.alias or name for name, info in fields.items()) or "none"
+
+
+def _model_in(annotation: Any) -> Any:
+    """The description class inside an annotation such as ``list[X]`` or ``X | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        found = _model_in(argument)
+        if found is not None:
+            return found
+    return None
