@@ -220,6 +220,11 @@ class MobileManipulator:
             B=c.T @ self._actuation,
         )
 
+    def motor_inertia(self, q: Array) -> Array:
+        """What each motor's axis feels, the diagonal of B^-1 M B^-T (kg m^2, kg), shape (nz,)."""
+        m, _, b = self.dynamics(q, np.zeros(self.nz))
+        return np.diag(np.linalg.solve(b, np.linalg.solve(b, m).T)).copy()
+
     def energy(self, q: Array, z: Array) -> float:
         """Kinetic plus potential energy (J)."""
         q_dot = self.velocity_map(q) @ z

@@ -96,7 +96,7 @@ def simulate(
         controller=controller,
         task=task,
         task_map=task_map_of(task),
-        plant=Plant(true, resolved.disturbance(robot.nz, random)),
+        plant=Plant(true, resolved.disturbance(robot.motor_inertia(robot.q_rest), random)),
         accelerometer=Accelerometer(resolved.acceleration, dt),
         duration=duration,
         dt=dt,

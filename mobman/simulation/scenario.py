@@ -39,8 +39,12 @@ class Scenario(Strict):
     acceleration: Literal["exact", "backward-difference"] = "exact"
     """How z' is measured: the true one under the torque held until now, or (z_k - z_(k-1))/dt."""
 
-    def disturbance(self, nz: int, random: np.random.Generator) -> Torque | None:
+    def disturbance(self, inertia: Array, random: np.random.Generator) -> Torque | None:
         """The sum of the disturbances for one run; None if there are none.
+
+        Args:
+            inertia: What each motor's axis feels at rest (kg m^2, kg), shape (nz,).
+            random: Where all randomness comes from.
 
         Raises:
             UnknownNameError: If a disturbance's type is unknown.
@@ -54,7 +58,7 @@ class Scenario(Strict):
             kind: Any = disturbances.get(source.type)
             fields = dict(source.__pydantic_extra__ or {})
             origin = f"scenario {self.name!r}: disturbance {source.type!r}"
-            parts.append(validate(kind, fields, origin).start(nz, own))
+            parts.append(validate(kind, fields, origin).start(inertia, own))
         if not parts:
             return None
 

@@ -25,14 +25,15 @@ class DampedGains(RedundancyGains):
 
 
 class DampedLeastSquares(PseudoInverse):
-    """As ``pseudo-inverse``, with j_e^T (j_e j_e^T + mu^2 I)^-1 in the place of j_e^+ (Nakamura and
-    Hanafusa; Wampler): bounded at singularities, inexact everywhere else."""
+    """As ``pseudo-inverse``, with j_e^T (j_e j_e^T + mu^2 I)^-1 in the place of j_e^+ for the task
+    (Nakamura and Hanafusa; Wampler): bounded at singularities, inexact everywhere else. The
+    null-space projector keeps the exact j_e^+, since a damped one leaks the descent into the task."""
 
     name = "damped-least-squares"
     Gains = DampedGains
     gains: DampedGains
 
-    def inverse(self, jacobian: Array) -> Array:
+    def task_inverse(self, jacobian: Array, pseudo_inverse: Array) -> Array:
         """The damped inverse, shape (nz, m)."""
         gram = jacobian @ jacobian.T
         gram[np.diag_indices_from(gram)] += self.gains.mu**2

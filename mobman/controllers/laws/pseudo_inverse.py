@@ -44,16 +44,16 @@ class PseudoInverse:
         gains, robot = self.gains, self._robot
         velocity = robot.velocity(q, z)
         errors = self._space.errors(t, q, z, velocity)
-        inverse = self.inverse(errors.J)
+        pseudo_inverse = np.asarray(np.linalg.pinv(errors.J), dtype=float)
+        inverse = self.task_inverse(errors.J, pseudo_inverse)
         wanted = errors.p_ddot - gains.K_v * errors.e_dot - gains.K_p * errors.e - errors.J_dot_z
         descent = -gains.k_0 * (velocity.C.T @ self.criterion.gradient(q)) - gains.k_d * z
-        return computed_torque(
-            robot, q, z, inverse @ wanted + descent - inverse @ (errors.J @ descent), velocity
-        )
+        internal = descent - pseudo_inverse @ (errors.J @ descent)
+        return computed_torque(robot, q, z, inverse @ wanted + internal, velocity)
 
-    def inverse(self, jacobian: Array) -> Array:
-        """j_e^+, shape (nz, m)."""
-        return np.asarray(np.linalg.pinv(jacobian), dtype=float)
+    def task_inverse(self, jacobian: Array, pseudo_inverse: Array) -> Array:
+        """What resolves the task's acceleration, shape (nz, m): j_e^+ itself."""
+        return pseudo_inverse
 
     def settings(self) -> dict[str, Any]:
         """The gains."""

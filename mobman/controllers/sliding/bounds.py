@@ -65,23 +65,28 @@ def jacobian_bound(robot: MobileManipulator, task: Task, space: TaskSpace) -> fl
     return max(_MARGIN * least, _FLOOR) if math.isfinite(least) else _FLOOR
 
 
-def actuation_bound(robot: MobileManipulator, task: Task) -> float:
-    """``A = "auto"``: the least lambda_min(B B^T) over :func:`sampled_states`, (54), with a margin.
+def actuation_bound(robot: MobileManipulator, task: Task, w_7: float) -> float:
+    r"""``A = "auto"``: a lower bound of lambda_min(B B^T), (54), for a robot of any mass.
 
-    B depends on the platform's pose only; for a differential drive it is constant and exact.
+    Theorem 2 asks that chi bounds :math:`|M U + \dot M S/2|` (53), so that w_7 bounds
+    :math:`|M|`; the paper's w_7 = 6 does so for light arms only. The gain C/A is what makes up for
+    it: A is the least :math:`\lambda_{min}(B B^T)\min(1, w_7/\lambda_{max}(M))` over
+    :func:`sampled_states`, times a margin.
     """
     none = np.zeros(robot.nz)
-    return 0.99 * min(
-        float(np.linalg.svd(robot.dynamics(q, none).B, compute_uv=False)[-1] ** 2)
-        for _, q in sampled_states(robot, task)
-    )
+    least = math.inf
+    for _, q in sampled_states(robot, task):
+        m, _, b = robot.dynamics(q, none)
+        covered = min(1.0, w_7 / float(np.linalg.eigvalsh(m)[-1]))
+        least = min(least, covered * float(np.linalg.svd(b, compute_uv=False)[-1]) ** 2)
+    return max(_MARGIN * least, _FLOOR)
 
 
 def inertia_bound(robot: MobileManipulator, task: Task) -> float:
-    """``A`` of the inverse-actuation law, A' of (64), when ``"auto"``: half the least
-    lambda_min(M^-1) = 1/lambda_max(M) over :func:`sampled_states`."""
+    """``A`` of the inverse-actuation law when ``"auto"``: a lower bound A' of lambda_min(M^-1), (64),
+    the least 1/lambda_max(M) over :func:`sampled_states`, times a margin."""
     none = np.zeros(robot.nz)
-    return 0.5 / max(
+    return _MARGIN / max(
         float(np.linalg.eigvalsh(robot.dynamics(q, none).M)[-1])
         for _, q in sampled_states(robot, task)
     )

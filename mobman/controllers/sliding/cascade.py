@@ -126,6 +126,9 @@ class CascadedSlidingControl:
         if isinstance(a, str):
             a = jacobian_bound(robot, task, space)
         if isinstance(bound, str):
-            find = inertia_bound if self.inverse_actuation else actuation_bound
-            bound = find(robot, task)
+            bound = (
+                inertia_bound(robot, task)
+                if self.inverse_actuation
+                else actuation_bound(robot, task, self.gains.w_7)
+            )
         return a, bound

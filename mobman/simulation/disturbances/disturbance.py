@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.registry import Registry
+from mobman.toml_model import Strict
 
 Torque = Callable[[float], Array]
 """Disturbance torque on the motors' axes at time t (N m, N), shape (nz,)."""
@@ -18,30 +20,47 @@ Torque = Callable[[float], Array]
 class Disturbance(Protocol):
     """A kind of disturbance with its parameters."""
 
-    def start(self, nz: int, random: np.random.Generator) -> Torque:
+    def start(self, inertia: Array, random: np.random.Generator) -> Torque:
         """The disturbance of one run; all its randomness comes from ``random``.
 
         Args:
-            nz: Number of motors.
+            inertia: What each motor's axis feels at rest (kg m^2, kg), shape (nz,).
             random: Generator of this disturbance alone.
         """
         ...
 
 
+class Amplitude(Strict):
+    """How strong a disturbance is: exactly one of the two, a number for all motors or one for each."""
+
+    torque: float | list[float] | None = None
+    """N m, N."""
+    acceleration: float | list[float] | None = None
+    """rad/s^2, m/s^2: the torque is what gives each motor's axis this acceleration at rest, so that
+    a scenario means the same to a light wrist and to a heavy base."""
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.torque is None) == (self.acceleration is None):
+            raise ValueError("give either 'torque' or 'acceleration'")
+        return self
+
+    def torques(self, inertia: Array) -> Array:
+        """The amplitude on every motor's axis (N m, N), shape (nz,).
+
+        Raises:
+            SpecError: If a list has not one entry for each motor.
+        """
+        value = self.acceleration if self.torque is None else self.torque
+        if isinstance(value, list) and len(value) != len(inertia):
+            raise SpecError(
+                f"a disturbance's amplitude has {len(value)} entries; the robot has {len(inertia)} "
+                "motors: give one number, or one for each"
+            )
+        scale = inertia if self.torque is None else np.ones_like(inertia)
+        return np.asarray(value, dtype=float) * scale
+
+
 disturbances: Registry[type[Disturbance]] = Registry(
     "disturbance type", "mobman.simulation.disturbances.kinds"
 )
-
-
-def per_motor(value: float | list[float], nz: int) -> Array:
-    """An amplitude as a vector: one number for all motors, or one for each.
-
-    Raises:
-        SpecError: If a list has another length.
-    """
-    if isinstance(value, list) and len(value) != nz:
-        raise SpecError(
-            f"a disturbance's 'torque' has {len(value)} entries; the robot has {nz} motors: give one "
-            "number, or one for each"
-        )
-    return np.broadcast_to(np.asarray(value, dtype=float), (nz,)).copy()

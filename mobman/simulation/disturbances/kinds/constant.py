@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.simulation.disturbances.disturbance import Torque, disturbances, per_motor
-from mobman.toml_model import Strict
+from mobman.arrays import Array
+from mobman.simulation.disturbances.disturbance import Amplitude, Torque, disturbances
 
 
-class Constant(Strict):
-    """``torque`` (N m, N) on every motor's axis, from the start on."""
+class Constant(Amplitude):
+    """The amplitude on every motor's axis, from the start on."""
 
-    torque: float | list[float]
-
-    def start(self, nz: int, random: np.random.Generator) -> Torque:
+    def start(self, inertia: Array, random: np.random.Generator) -> Torque:
         """See :class:`Disturbance`."""
-        torque = per_motor(self.torque, nz)
+        torque = self.torques(inertia)
         return lambda t: torque
 
 

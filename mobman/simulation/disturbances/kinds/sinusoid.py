@@ -8,22 +8,19 @@ import numpy as np
 from pydantic import Field
 
 from mobman.arrays import Array
-from mobman.simulation.disturbances.disturbance import Torque, disturbances, per_motor
-from mobman.toml_model import Strict
+from mobman.simulation.disturbances.disturbance import Amplitude, Torque, disturbances
 
 
-class Sinusoid(Strict):
-    """``torque`` sin(2 pi ``frequency`` t + phase) on every motor's axis, phases at random."""
+class Sinusoid(Amplitude):
+    """Amplitude times sin(2 pi ``frequency`` t + phase) on every motor's axis, phases at random."""
 
-    torque: float | list[float]
-    """Amplitude (N m, N)."""
     frequency: float = Field(gt=0)
     """Hz."""
 
-    def start(self, nz: int, random: np.random.Generator) -> Torque:
+    def start(self, inertia: Array, random: np.random.Generator) -> Torque:
         """See :class:`Disturbance`."""
-        torque = per_motor(self.torque, nz)
-        phase = random.uniform(0.0, 2.0 * math.pi, nz)
+        torque = self.torques(inertia)
+        phase = random.uniform(0.0, 2.0 * math.pi, len(inertia))
         rate = 2.0 * math.pi * self.frequency
 
         def at(t: float) -> Array:

@@ -1,0 +1,57 @@
+# make bench   set up, run the paper's suite, write results/paper and its report
+# make test    set up with test extras, run lint, types and tests
+# make help    the other targets
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: bench test test-slow lint format pictures clean help
+.DEFAULT_GOAL := help
+
+help:
+	@grep -E '^# make' $(MAKEFILE_LIST) | sed 's/^# //'
+	@echo "make test-slow   the longer studies among the tests"
+	@echo "make lint        ruff and mypy alone"
+	@echo "make format      let ruff format the code"
+	@echo "make pictures    draw the pictures of README and docs from results/paper"
+	@echo "make clean       remove $(VENV) and caches; results stay"
+
+bench: $(VENV)/installed
+	$(BIN)/mobman bench run paper -o results/paper
+
+test: lint
+	$(BIN)/python -m pytest -n auto --dist loadgroup
+
+test-slow: $(VENV)/installed-test
+	$(BIN)/python -m pytest -n auto --dist loadgroup -m slow
+
+lint: $(VENV)/installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(VENV)/installed-test
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+pictures: bench
+	$(BIN)/python docs/pictures.py results/paper docs/images
+
+$(VENV)/python: 
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "mobman needs Python 3.11 or newer; choose one with: make PYTHON=python3.11 ..."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+# The stamps depend on what is installed; a changed pyproject.toml installs anew.
+$(VENV)/installed: $(VENV)/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+$(VENV)/installed-test: $(VENV)/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test]'
+	touch $@ $(VENV)/installed
+
+clean:
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache build dist

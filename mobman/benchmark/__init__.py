@@ -1,0 +1,1 @@
+"""Suites of runs: described in TOML, run in parallel, kept in HDF5, reported."""

@@ -1,0 +1,187 @@
+"""Running a suite: in parallel, resumable, and never stopped by one run."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mobman.benchmark.store import Failure, Store
+from mobman.benchmark.suite import RunSpec, Suite
+from mobman.errors import MobmanError
+
+# One thread a worker: the matrices are small, and the workers use all cores already.
+_ONE_THREAD = dict.fromkeys(
+    (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+        "NUMEXPR_NUM_THREADS",
+    ),
+    "1",
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one run went."""
+
+    run: RunSpec
+    status: str
+    """The record's, or ``"failed"`` if there is none."""
+    message: str
+    task_error: float
+    """Its metric task_error_max (m); NaN if there is no record."""
+
+
+@dataclass
+class Summary:
+    """How a suite went."""
+
+    asked: int = 0
+    skipped: int = 0
+    seconds: float = 0.0
+    outcomes: list[Outcome] = field(default_factory=list)
+
+    @property
+    def failed(self) -> list[Outcome]:
+        """Runs without a result."""
+        return [outcome for outcome in self.outcomes if outcome.status == "failed"]
+
+
+def default_workers() -> int:
+    """One for each core that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_suite(
+    suite: Suite,
+    folder: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    fresh: bool = False,
+    on_start: Callable[[int, int], None] | None = None,
+    on_done: Callable[[Outcome], None] | None = None,
+) -> Summary:
+    """Run what a suite asks for and is not in the folder yet.
+
+    Args:
+        suite: The suite.
+        folder: Where its results are kept; see :class:`Store`.
+        workers: Processes; one for each core by default.
+        fresh: Run everything anew.
+        on_start: Called with the number of runs and how many of them are there already.
+        on_done: Called after each run.
+
+    Raises:
+        SpecError: If the suite names what is not there.
+        MobmanError: If the folder cannot be used, or a worker process was killed; what was done is
+            kept, and the same call goes on from there.
+    """
+    workers = default_workers() if workers is None else workers
+    runs = suite.runs()
+    store = Store(folder)
+    store.begin(suite, runs)
+    if fresh:
+        for run in runs:
+            store.path(run).unlink(missing_ok=True)
+    todo = [run for run in runs if not store.done(run)]
+    summary = Summary(asked=len(runs), skipped=len(runs) - len(todo))
+    if on_start is not None:
+        on_start(summary.asked, summary.skipped)
+    started = time.monotonic()
+    with _one_thread():
+        for outcome in _in_parallel(todo, store, workers):
+            summary.outcomes.append(outcome)
+            if on_done is not None:
+                on_done(outcome)
+    summary.seconds = time.monotonic() - started
+    store.finish(
+        summary.seconds,
+        workers,
+        [Failure(outcome.run.run_id, outcome.message) for outcome in summary.failed],
+    )
+    return summary
+
+
+def _in_parallel(todo: list[RunSpec], store: Store, workers: int) -> Iterator[Outcome]:
+    if not todo:
+        return
+    # "spawn": a worker starts clean, with one thread, whatever this process has loaded
+    executor = ProcessPoolExecutor(
+        min(workers, len(todo)),
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_start_worker,
+    )
+    try:
+        futures: dict[Future[Outcome], RunSpec] = {
+            executor.submit(perform, run, store.path(run)): run for run in todo
+        }
+        for future in as_completed(futures):
+            yield future.result()
+    except BrokenProcessPool as error:
+        raise MobmanError(
+            f"a worker process was killed (out of memory?); what was done is kept in {store.folder} "
+            "and the same command goes on from there"
+        ) from error
+    except BaseException:
+        # Ctrl-C, or an error: runs in progress are worthless half done, so do not wait for them
+        for process in list((executor._processes or {}).values()):
+            process.terminate()
+        raise
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+
+
+def perform(run: RunSpec, path: Path) -> Outcome:
+    """Do one run and keep its record; what goes wrong is an outcome, not an exception."""
+    from mobman.controllers.protocol import make_controller
+    from mobman.simulation.closed_loop import simulate
+    from mobman.simulation.scenario import Scenario
+
+    try:
+        record = simulate(
+            run.robot,
+            make_controller(run.law, **run.gains),
+            run.task,
+            duration=run.duration,
+            dt=run.dt,
+            scenario=Scenario.model_validate(run.scenario),
+            seed=run.seed,
+        )
+        record.save(path, every=run.record_every)
+    except Exception as error:
+        # a robot that does not load, a bug in a plugin, a full disk: this run's matter alone
+        return Outcome(run, "failed", f"{type(error).__name__}: {error}", float("nan"))
+    return Outcome(
+        run, record.status, record.message, record.metrics.get("task_error_max", float("inf"))
+    )
+
+
+def _start_worker() -> None:
+    # Ctrl-C goes to the whole process group; only the parent acts on it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(_ONE_THREAD)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

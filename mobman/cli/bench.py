@@ -1,0 +1,174 @@
+"""``mobman bench``: suites of runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from mobman.cli.output import console, number, print_json
+
+if TYPE_CHECKING:
+    from mobman.benchmark.runner import Outcome
+
+
+@click.group()
+def bench() -> None:
+    """List and run suites of the comparative benchmark, and report on them."""
+
+
+@bench.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def list_command(as_json: bool) -> None:
+    """List the suites."""
+    from mobman.benchmark.suite import list_suites, load_suite
+
+    rows = []
+    for name in list_suites():
+        suite = load_suite(name)
+        rows.append(
+            {
+                "name": name,
+                "runs": len(suite.runs()),
+                "duration": suite.duration,
+                "description": suite.description,
+            }
+        )
+    if as_json:
+        print_json(rows)
+        return
+    table = Table(box=None, pad_edge=False)
+    table.add_column("suite")
+    table.add_column("runs", justify="right")
+    table.add_column("s each", justify="right")
+    table.add_column("description")
+    for row in rows:
+        table.add_row(
+            str(row["name"]), str(row["runs"]), f"{row['duration']:g}", str(row["description"])
+        )
+    console().print(table)
+
+
+@bench.command("run")
+@click.argument("suite")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder of the results; results/SUITE by default.",
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; one a core by default.")
+@click.option("--fresh", is_flag=True, help="Run everything anew, also what is there already.")
+def run_command(suite: str, output: Path | None, workers: int | None, fresh: bool) -> None:
+    """Run SUITE (a name or a TOML file) and write its report.
+
+    What is in the folder already is not run again: after Ctrl-C the same command goes on. Exit
+    status 1 if a run gave no result; a run that diverged is a result.
+    """
+    from mobman.benchmark.runner import default_workers, run_suite
+    from mobman.benchmark.suite import load_suite
+
+    chosen = load_suite(suite)
+    folder = output or Path("results") / chosen.name
+    count = default_workers() if workers is None else workers
+    display = _Display()
+    try:
+        with display:
+            summary = run_suite(
+                chosen,
+                folder,
+                workers=count,
+                fresh=fresh,
+                on_start=display.start,
+                on_done=display.done,
+            )
+    except KeyboardInterrupt:
+        click.echo(
+            f"mobman: interrupted; what was done is kept in {folder}, the same command goes on from "
+            "there",
+            err=True,
+        )
+        raise click.exceptions.Exit(130) from None
+    ended = sum(outcome.status in ("diverged", "singular") for outcome in summary.outcomes)
+    click.echo(
+        f"{summary.asked} runs: {summary.skipped} were there, {len(summary.outcomes)} done in "
+        f"{summary.seconds:.0f} s with {count} workers; {ended} of these diverged or met a "
+        f"singularity, {len(summary.failed)} failed"
+    )
+    for outcome in summary.failed:
+        click.echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
+    _report(folder)
+    if summary.failed:
+        raise click.exceptions.Exit(1)
+
+
+@bench.command("report")
+@click.argument("folder", type=click.Path(path_type=Path))
+def report_command(folder: Path) -> None:
+    """Write the report of the results in FOLDER anew, and its index."""
+    _report(folder)
+
+
+def _report(folder: Path) -> None:
+    from mobman.benchmark.reporting import report_on
+
+    files = report_on(folder)
+    click.echo(f"report: {files.html}")
+    click.echo(f"        {files.markdown}")
+
+
+class _Display:
+    """Live progress on a terminal; one plain line a run elsewhere."""
+
+    def __init__(self) -> None:
+        self._console = console(stderr=True)
+        self._ended = 0
+        self._failed = 0
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[note]}"),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._bar = self._progress.add_task("runs", total=None, note="")
+
+    def __enter__(self) -> _Display:
+        self._progress.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._progress.__exit__(None, None, None)
+
+    def start(self, asked: int, skipped: int) -> None:
+        """The suite begins."""
+        self._progress.update(self._bar, total=asked, completed=skipped)
+        self._total, self._count = asked, skipped
+
+    def done(self, outcome: Outcome) -> None:
+        """A run is done."""
+        self._count += 1
+        self._failed += outcome.status == "failed"
+        self._ended += outcome.status in ("diverged", "singular")
+        note = f"{self._ended} diverged, {self._failed} failed"
+        self._progress.update(self._bar, advance=1, note=note)
+        if not self._console.is_terminal:
+            error = number(outcome.task_error)
+            click.echo(
+                f"[{self._count}/{self._total}] {outcome.run}: {outcome.status}, |e_e| {error} m",
+                err=True,
+            )

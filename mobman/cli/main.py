@@ -1,0 +1,66 @@
+"""The entry point: sub-commands, and errors as one or two plain lines.
+
+Exit status: 0 done; 1 the thing asked for failed; 2 it was asked for wrongly; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+from mobman.cli.bench import bench
+from mobman.cli.robots import robots
+from mobman.cli.run import run
+from mobman.errors import MobmanError
+from mobman.version import __version__
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, "--version", prog_name="mobman", message="%(prog)s %(version)s")
+def mobman() -> None:
+    """Control of non-holonomic mobile manipulators: robots, runs and benchmarks."""
+
+
+mobman.add_command(robots)
+mobman.add_command(run)
+mobman.add_command(bench)
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    try:
+        status = mobman.main(standalone_mode=False)
+        # flush here, so that a closed pipe is met inside this try
+        sys.stdout.flush()
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.ctx.get_help() if error.ctx else "", err=True)
+        sys.exit(error.exit_code)
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "mobman"
+        _fail(f"{error.format_message()} (see {command} --help)", error.exit_code)
+    except click.ClickException as error:
+        _fail(error.format_message(), error.exit_code)
+    except MobmanError as error:
+        _fail(str(error), error.exit_status)
+    except (KeyboardInterrupt, click.Abort):
+        _fail("interrupted", 130)
+    except BrokenPipeError:
+        # `mobman ... | head`: the reader has what it wanted
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except Exception as error:
+        if os.environ.get("MOBMAN_DEBUG"):
+            raise
+        _fail(
+            f"internal error: {type(error).__name__}: {error} (set MOBMAN_DEBUG=1 for the traceback)",
+            1,
+        )
+    else:
+        sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail(message: str, status: int) -> None:
+    click.echo(f"mobman: {' '.join(message.split())}", err=True)
+    sys.exit(status)

@@ -1,0 +1,39 @@
+"""What the sub-commands print with: JSON for scripts, tables for people."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import click
+from rich.console import Console
+
+
+def console(*, stderr: bool = False) -> Console:
+    """A terminal for tables and progress bars; plain text where there is no terminal."""
+    return Console(stderr=stderr, highlight=False)
+
+
+def print_json(value: Any) -> None:
+    """Print JSON; numbers that JSON has no word for (inf, NaN) are null."""
+    click.echo(json.dumps(_finite(value), indent=2))
+
+
+def number(value: float, unit: str = "") -> str:
+    """A metric for people: three significant digits; ``never`` for a time that was not reached."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "never" if unit == "s" else "∞"
+    return f"{value:.3g}"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return value

@@ -1,0 +1,138 @@
+"""``mobman run``: one closed loop."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from mobman.cli.output import console, number, print_json
+
+
+@click.command()
+@click.argument("robot")
+@click.option("--controller", default="tsm", show_default=True, help="Control law.")
+@click.option("--task", default="circle", show_default=True, help="Task of the tip.")
+@click.option("--duration", type=float, default=10.0, show_default=True, help="s.")
+@click.option("--dt", type=float, default=1e-3, show_default=True, help="Sampling period, s.")
+@click.option(
+    "--scenario", default="nominal", show_default=True, help="Scenario, or its TOML file."
+)
+@click.option(
+    "--seed", type=int, default=0, show_default=True, help="Of the scenario's randomness."
+)
+@click.option(
+    "--gain",
+    "gains",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A gain of the controller, such as a=0.2 or discretization=explicit; repeatable.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="HDF5 file for the record.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def run(
+    robot: str,
+    controller: str,
+    task: str,
+    duration: float,
+    dt: float,
+    scenario: str,
+    seed: int,
+    gains: tuple[str, ...],
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    """Simulate ROBOT (a name or a TOML file) under a controller and print its metrics.
+
+    Exit status 1 if the run diverged or met a singularity; its record is written all the same.
+    """
+    from mobman.controllers.protocol import make_controller
+    from mobman.model.build import load_robot
+    from mobman.simulation.closed_loop import simulate
+    from mobman.simulation.scenario import load_scenario
+    from mobman.tasks.task import make_task
+
+    model = load_robot(robot)
+    law = make_controller(controller, **dict(_gain(text) for text in gains))
+    aim = make_task(task, model)
+    resolved = load_scenario(scenario)
+    with Progress(
+        TextColumn(f"{model.name} · {task} · {resolved.name} · {controller}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        console=console(stderr=True),
+        transient=True,
+    ) as progress:
+        bar = progress.add_task("run", total=1.0)
+        record = simulate(
+            model,
+            law,
+            aim,
+            duration=duration,
+            dt=dt,
+            scenario=resolved,
+            seed=seed,
+            progress=lambda fraction: progress.update(bar, completed=fraction),
+        )
+    path = None if output is None else record.save(output)
+    if as_json:
+        print_json(
+            {
+                "status": record.status,
+                "message": record.message,
+                "metrics": record.metrics,
+                "settings": record.settings,
+                "spec": record.spec,
+                "versions": record.versions,
+                "file": None if path is None else str(path),
+            }
+        )
+    else:
+        _print(record, path)
+    if not record.ok:
+        click.echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
+        raise click.exceptions.Exit(1)
+
+
+def _print(record: Any, path: Path | None) -> None:
+    from mobman.simulation.metrics.metric import list_metrics
+
+    out = console()
+    bounds = {key: record.settings[key] for key in ("a", "A") if key in record.settings}
+    in_force = ", ".join(f"{key} = {value:.4g}" for key, value in bounds.items())
+    out.print(
+        f"[bold]{record.robot} · {record.task} · {record.scenario} · {record.controller}[/bold]"
+        f"  {record.status}" + (f"  (in force: {in_force})" if in_force else "")
+    )
+    table = Table(box=None, pad_edge=False)
+    table.add_column("metric")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    table.add_column("what it is")
+    for metric in list_metrics():
+        if metric.name in record.metrics:
+            value = number(record.metrics[metric.name], metric.unit)
+            table.add_row(metric.name, value, metric.unit, metric.description)
+    out.print(table)
+    if path is not None:
+        out.print(f"record: {path}", soft_wrap=True)
+
+
+def _gain(text: str) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        raise click.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--gain")
+    try:
+        return name, json.loads(value)
+    except json.JSONDecodeError:
+        return name, value
