@@ -17,7 +17,7 @@ from mobman.controllers.protocol import controllers
 class DampedGains(RedundancyGains):
     """Gains of :class:`PseudoInverse`, and the damping."""
 
-    mu: float = gain(0.05, "1", "damping of the inverse, j_e^T (j_e j_e^T + mu^2 I)^-1")
+    mu: float = gain(0.01, "1", "damping of the inverse, j_e^T (j_e j_e^T + mu^2 I)^-1")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,0 +1,170 @@
+"""Running suites: parallel, resumable, never stopped by one run."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+from support.suites import small_suite
+
+from mobman.benchmark.runner import run_suite
+from mobman.benchmark.store import Store
+from mobman.benchmark.suite import load_suite
+from mobman.errors import MobmanError
+from mobman.simulation.record import load_record
+
+pytestmark = pytest.mark.xdist_group("runner")
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A small suite, run with two workers."""
+    folder = tmp_path_factory.mktemp("suite")
+    suite = load_suite(small_suite(folder))
+    summary = run_suite(suite, folder / "results", workers=2)
+    return suite, folder / "results", summary
+
+
+def test_every_run_is_there_and_whole(done):
+    suite, folder, summary = done
+    assert summary.asked == 8
+    assert not summary.failed
+    store = Store(folder)
+    for run in suite.runs():
+        record = store.record(run)
+        assert record.scenario == run.scenario["name"]
+        assert record.seed == run.seed
+        assert record.spec["robot"]["name"] == run.robot
+    assert len(list((folder / "runs").iterdir())) == 8
+
+
+def test_number_of_workers_changes_no_bit(done, tmp_path):
+    suite, folder, _ = done
+    run_suite(suite, tmp_path, workers=1)
+    for run in suite.runs():
+        one, two = Store(tmp_path).record(run), Store(folder).record(run)
+        for field in ("t", "q", "z", "torque", "task_error", "auxiliary_error"):
+            assert np.array_equal(getattr(one, field), getattr(two, field)), (str(run), field)
+
+
+def test_what_is_there_is_not_run_again(done):
+    suite, folder, _ = done
+    before = {path: path.stat().st_mtime_ns for path in (folder / "runs").iterdir()}
+    summary = run_suite(suite, folder, workers=1)
+    assert summary.skipped == 8
+    assert not summary.outcomes
+    assert before == {path: path.stat().st_mtime_ns for path in (folder / "runs").iterdir()}
+
+
+def test_fresh_runs_everything_and_broken_files_are_run_again(done, tmp_path):
+    suite, _, _ = done
+    one = replace_seeds(suite, [0])
+    assert len(run_suite(one, tmp_path, workers=1).outcomes) == 4
+    victim = Store(tmp_path).path(one.runs()[0])
+    victim.write_bytes(victim.read_bytes()[:1000])
+    assert len(run_suite(one, tmp_path, workers=1).outcomes) == 1
+    assert load_record(victim).ok
+    assert len(run_suite(one, tmp_path, workers=1, fresh=True).outcomes) == 4
+
+
+def replace_seeds(suite, seeds):
+    return suite.model_copy(update={"seeds": seeds})
+
+
+def test_index_links_every_run_with_its_metrics(done):
+    suite, folder, _ = done
+    with h5py.File(folder / "index.h5") as index:
+        table = index["table"]
+        ids = [name.decode() for name in table["run_id"][()]]
+        assert ids == [run.run_id for run in suite.runs()]
+        for i, name in enumerate(ids):
+            linked = index["runs"][name]
+            assert linked["q"].shape[1] == 8
+            assert linked["metrics"].attrs["task_error_rms"] == table["metrics/task_error_rms"][i]
+            assert json.loads(table["spec_json"][i])["label"] == table["label"][i].decode()
+
+
+def test_index_is_rebuilt_from_the_files(done):
+    _, folder, _ = done
+    index = folder / "index.h5"
+    index.unlink()
+    Store(folder).rebuild_index()
+    with h5py.File(index) as file:
+        assert len(file["runs"]) == 8
+
+
+def test_a_failing_run_is_recorded_and_the_others_go_on(tmp_path):
+    path = small_suite(tmp_path)
+    # refused only when the law meets the robot: K_F needs one weight for each of its 8 coordinates
+    path.write_text(path.read_text().replace("mu = 0.02", "K_F = [1.0, 2.0]"))
+    suite = replace_seeds(load_suite(path), [0])
+    summary = run_suite(suite, tmp_path / "results", workers=2)
+    assert {outcome.run.label for outcome in summary.failed} == {"damped"}
+    assert len(summary.outcomes) == 4
+    assert all("K_F has 2 entries" in outcome.message for outcome in summary.failed)
+    assert len(Store(tmp_path / "results").failures) == 2
+    # and they are tried again
+    assert len(run_suite(suite, tmp_path / "results", workers=1).outcomes) == 2
+
+
+def test_another_suites_folder_is_refused(done):
+    suite, folder, _ = done
+    with pytest.raises(MobmanError, match="holds results of the suite 'small'"):
+        run_suite(suite.model_copy(update={"name": "other"}), folder, workers=1)
+
+
+def test_a_file_in_the_folders_place_is_told_plainly(done, tmp_path):
+    suite, _, _ = done
+    (tmp_path / "results").write_text("not a folder")
+    with pytest.raises(MobmanError, match="cannot write to"):
+        run_suite(suite, tmp_path / "results", workers=1)
+
+
+def test_interrupted_suite_keeps_what_was_done_and_goes_on(tmp_path):
+    suite = small_suite(tmp_path, duration=1.0)
+    command = [
+        sys.executable,
+        "-m",
+        "mobman",
+        "bench",
+        "run",
+        str(suite),
+        "-o",
+        str(tmp_path / "r"),
+    ]
+    process = subprocess.Popen(
+        [*command, "--workers", "1"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("[1/8]")
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted" in errors
+    assert "Traceback" not in errors
+    kept = list((tmp_path / "r" / "runs").glob("*.h5"))
+    assert 1 <= len(kept) < 8
+    assert all(load_record(path).ok for path in kept)
+    short = load_suite(suite)
+    assert run_suite(short, tmp_path / "r", workers=2).skipped == len(kept)
+    assert sorted(p.name for p in (tmp_path / "r" / "runs").iterdir()) == sorted(
+        f"{run.run_id}.h5" for run in short.runs()
+    )
+
+
+def test_run_spec_says_which_run_it_is(done):
+    suite, _, _ = done
+    run = suite.runs()[0]
+    assert str(run) == "youbot · circle · nominal · pseudo-inverse · seed 0"
+    assert replace(run, label="x").run_id == run.run_id

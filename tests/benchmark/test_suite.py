@@ -1,0 +1,93 @@
+"""Suites: what they ask for, and what is refused."""
+
+from __future__ import annotations
+
+import pytest
+from support.suites import SMALL, small_suite
+
+from mobman.benchmark.suite import list_suites, load_suite
+from mobman.errors import SpecError, UnknownNameError
+from mobman.toml_model import read_toml
+
+
+def test_every_shipped_suite_resolves():
+    for name in list_suites():
+        assert load_suite(name).runs(), name
+
+
+def test_paper_suite_asks_for_what_the_paper_shows_and_more():
+    runs = load_suite("paper").runs()
+    cells = {(run.robot, run.task, run.scenario["name"], run.label) for run in runs}
+    assert len(cells) == len(runs)
+    six = {
+        "tsm",
+        "tsm-simplified",
+        "tsm-inverse-actuation",
+        "pseudo-inverse",
+        "damped-least-squares",
+        "extended-jacobian",
+    }
+    for robot, task in (("youbot", "paper"), ("tiago_no_hand", "circle")):
+        for scenario in ("nominal", "heavier", "lighter", "disturbed"):
+            labels = {cell[3] for cell in cells if cell[:3] == (robot, task, scenario)}
+            assert labels == six | {"tsm-explicit"}
+    gains = {run.label: run.gains for run in runs if run.robot == "youbot"}
+    assert gains["tsm"] == {"a": 0.2, "A": 0.2}  # the paper's values, section 4
+    assert gains["tsm-explicit"]["discretization"] == "explicit"
+
+
+def test_run_id_depends_on_what_the_result_depends_on(tmp_path):
+    suite = load_suite(small_suite(tmp_path))
+    ids = {run.run_id for run in suite.runs()}
+    assert len(ids) == 8
+    assert ids == {run.run_id for run in load_suite(small_suite(tmp_path)).runs()}
+    assert not ids & {run.run_id for run in load_suite(small_suite(tmp_path, 0.03)).runs()}
+
+
+def test_label_is_no_part_of_the_run_id(tmp_path):
+    path = small_suite(tmp_path)
+    before = {run.run_id for run in load_suite(path).runs()}
+    path.write_text(path.read_text().replace("controllers.damped]", "controllers.dls]"))
+    assert {run.run_id for run in load_suite(path).runs()} == before
+
+
+def test_unknown_suite_names_the_nearest():
+    with pytest.raises(UnknownNameError, match="did you mean 'paper'"):
+        load_suite("papper")
+
+
+def test_all_wrong_names_are_told_at_once(tmp_path):
+    path = small_suite(tmp_path)
+    text = path.read_text().replace('"youbot"', '"yuobot"').replace('"circle"', '"cirlce"')
+    path.write_text(text.replace('"disturbed"', '"disturbt"').replace("mu =", "mi ="))
+    with pytest.raises(SpecError) as error:
+        load_suite(path).runs()
+    for expected in ("'youbot'", "'circle'", "'disturbed'", "'mu'"):
+        assert f"did you mean {expected}" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field"),
+    [
+        ("duration = 0.02", "duration = -1", "duration"),
+        ("seeds = [0, 1]", "seeds = []", "seeds"),
+        ("schema = 1", "schema = 7", "schema"),
+        ('robots = ["youbot"]', 'robot = ["youbot"]', "groups.0.robot"),
+        ('law = "pseudo-inverse"', "law = 3", "controllers.pseudo-inverse.law"),
+    ],
+)
+def test_wrong_fields_are_named(tmp_path, old, new, field):
+    path = small_suite(tmp_path)
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(SpecError) as error:
+        load_suite(path)
+    assert field in str(error.value)
+    assert str(path) in str(error.value)
+
+
+def test_not_toml_names_the_file(tmp_path):
+    path = tmp_path / "broken.toml"
+    path.write_text(SMALL[:40] + "[[[")
+    with pytest.raises(SpecError, match=r"broken\.toml is not valid TOML"):
+        read_toml(path, "suite file")

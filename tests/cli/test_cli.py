@@ -1,0 +1,166 @@
+"""The command line: what it prints, where, and its exit status."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from support.suites import small_suite
+
+import mobman as mm
+
+pytestmark = pytest.mark.xdist_group("cli")
+
+
+def mobman(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "mobman", *arguments], capture_output=True, text=True, timeout=120
+    )
+
+
+def test_version():
+    done = mobman("--version")
+    assert done.returncode == 0
+    assert done.stdout == f"mobman {mm.__version__}\n"
+
+
+def test_robots_lists_every_robot():
+    done = mobman("robots")
+    assert done.returncode == 0
+    assert all(name in done.stdout for name in mm.list_robots())
+
+
+def test_robots_as_json():
+    rows = json.loads(mobman("robots", "--json").stdout)
+    assert [row["name"] for row in rows] == mm.list_robots()
+    youbot = next(row for row in rows if row["name"] == "youbot")
+    assert (youbot["nq"], youbot["nz"], youbot["arm_joints"]) == (8, 5, 3)
+
+
+def test_robots_show():
+    done = mobman("robots", "show", "youbot")
+    assert done.returncode == 0
+    assert "phi_1" in done.stdout
+    content = json.loads(mobman("robots", "show", "youbot", "--json").stdout)
+    assert [joint["name"] for joint in content["joints"]][:3] == ["base_x", "base_y", "base_theta"]
+    # JSON has no word for an unbounded joint
+    assert content["joints"][0]["upper"] is None
+
+
+def test_run_writes_the_record_and_says_so(tmp_path):
+    path = tmp_path / "run.h5"
+    done = mobman("run", "youbot", "--duration", "0.05", "--task", "paper", "-o", str(path))
+    assert done.returncode == 0, done.stderr
+    assert "task_error_max" in done.stdout
+    record = mm.load_record(path)
+    assert (record.robot, record.controller, record.task) == ("youbot", "tsm", "paper")
+    assert record.scenario == "nominal"
+
+
+def test_run_as_json_with_gains():
+    done = mobman(
+        "run", "youbot", "--duration", "0.05", "--gain", "a=0.2", "--gain",
+        "discretization=explicit", "--seed", "3", "--json",
+    )  # fmt: skip
+    content = json.loads(done.stdout)
+    assert content["settings"]["a"] == 0.2
+    assert content["settings"]["discretization"] == "explicit"
+    assert content["spec"]["seed"] == 3
+    assert content["metrics"]["settling_time_1e-4"] is None
+
+
+def test_diverged_run_is_written_and_exits_with_1(tmp_path):
+    path = tmp_path / "run.h5"
+    done = mobman(
+        "run", "youbot", "--duration", "2", "--dt", "0.01", "--gain", "discretization=explicit",
+        "--gain", "a=1e-3", "-o", str(path),
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "diverged at t =" in done.stderr
+    assert mm.load_record(path).status == "diverged"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "nearest"),
+    [
+        (("run", "yuobot"), "youbot"),
+        (("robots", "show", "tiagoo"), "tiago"),
+        (("run", "youbot", "--controller", "tms"), "tsm"),
+        (("run", "youbot", "--task", "circel"), "circle"),
+        (("run", "youbot", "--scenario", "havier"), "heavier"),
+        (("run", "youbot", "--gain", "lambda_9=1"), "lambda_0"),
+        (("bench", "run", "papper"), "paper"),
+        (("run", "youbot", "--contoller", "tsm"), "--controller"),
+        (("bnech",), "bench"),
+    ],
+)
+def test_misspelt_names_get_one_line_and_status_2(arguments, nearest):
+    done = mobman(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert nearest in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("run", "youbot", "--gain", "c=0.5"), "at least 1 (Theorem 1)"),
+        (("run", "youbot", "--gain", "a=0"), "must be above 0"),
+        (("run", "youbot", "--gain", "a"), "is not NAME=VALUE"),
+        (("run", "youbot", "--duration", "-1"), "duration = -1.0"),
+        (("run", "youbot", "--duration", "ten"), "--duration"),
+        (("run", "missing.toml"), "cannot read the robot file missing.toml"),
+        (("run",), "ROBOT"),
+        (("bench", "run", "paper", "--workers", "0"), "--workers"),
+    ],
+)
+def test_wrong_values_get_one_line_and_status_2(arguments, reason):
+    done = mobman(*arguments)
+    assert done.returncode == 2
+    assert reason in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_unwritable_record_is_told_before_nothing_is_lost(tmp_path):
+    (tmp_path / "file").write_text("")
+    done = mobman("run", "youbot", "--duration", "0.02", "-o", str(tmp_path / "file" / "run.h5"))
+    assert done.returncode == 1
+    assert "cannot write the record" in done.stderr
+
+
+def test_help_without_arguments():
+    done = mobman()
+    assert done.returncode == 2
+    assert "bench" in done.stderr
+
+
+def test_bench_list():
+    assert "paper" in mobman("bench", "list").stdout
+    rows = json.loads(mobman("bench", "list", "--json").stdout)
+    assert next(row for row in rows if row["name"] == "paper")["runs"] == 56
+
+
+def test_bench_run_and_report(tmp_path):
+    folder = tmp_path / "results"
+    done = mobman("bench", "run", str(small_suite(tmp_path)), "-o", str(folder), "--workers", "2")
+    assert done.returncode == 0, done.stderr
+    assert "[8/8]" in done.stderr
+    assert "8 runs: 0 were there, 8 done" in done.stdout
+    report = folder / "report.html"
+    first = report.read_text()
+    assert "damped" in first
+    report.unlink()
+    again = mobman("bench", "report", str(folder))
+    assert again.returncode == 0
+    assert str(report) in again.stdout
+    assert report.is_file()
+
+
+def test_report_of_nothing_is_refused(tmp_path):
+    done = mobman("bench", "report", str(tmp_path))
+    assert done.returncode == 1
+    assert "holds no results" in done.stderr

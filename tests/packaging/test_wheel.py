@@ -1,0 +1,78 @@
+"""The wheel works away from the checkout."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+TRIAL = """
+import mobman, mobman as mm, pathlib, sys
+assert pathlib.Path(mobman.__file__).is_relative_to(sys.prefix), mobman.__file__
+assert {"youbot", "tiago"} <= set(mm.list_robots())
+record = mm.simulate("youbot", "tsm", "paper", duration=0.05)
+assert record.ok, record.message
+print(mobman.__version__)
+"""
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """An empty environment with the wheel in it; nothing of the checkout is on its path."""
+    folder = tmp_path_factory.mktemp("wheel")
+    subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, ROOT],
+        check=True,
+        capture_output=True,
+    )
+    (wheel,) = folder.glob("*.whl")
+    venv.create(folder / "env", with_pip=True)
+    python = folder / "env" / "bin" / "python"
+    subprocess.run(
+        [python, "-m", "pip", "install", "--no-deps", "--no-index", wheel],
+        check=True,
+        capture_output=True,
+    )
+    # The libraries are those of this environment, so that nothing is downloaded. Plain paths in a .pth
+    # file do not run the .pth files there, so the editable checkout stays out of reach.
+    libraries = Path(sysconfig.get_paths()["purelib"])
+    import pinocchio
+
+    paths = {libraries, Path(pinocchio.__file__).parents[1]}
+    site = next((folder / "env" / "lib").glob("python*/site-packages"))
+    (site / "libraries.pth").write_text("\n".join(map(str, sorted(paths))) + "\n")
+    return folder / "env" / "bin"
+
+
+def test_wheel_simulates_away_from_the_checkout(environment, tmp_path):
+    done = subprocess.run(
+        [environment / "python", "-I", "-c", TRIAL], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_wheel_has_command_line_suites_and_report(environment, tmp_path):
+    listing = subprocess.run(
+        [environment / "mobman", "bench", "list"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert listing.returncode == 0, listing.stderr
+    assert "paper" in listing.stdout
+    suite = tmp_path / "one.toml"
+    suite.write_text(
+        'schema = 1\nname = "one"\nduration = 0.02\n[controllers.p]\nlaw = "pseudo-inverse"\n'
+        '[[groups]]\nrobots = ["youbot"]\ntasks = ["circle"]\n'
+    )
+    done = subprocess.run(
+        [environment / "mobman", "bench", "run", suite],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "results" / "one" / "report.html").is_file()
