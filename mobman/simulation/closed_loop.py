@@ -195,6 +195,10 @@ class _Loop:
         q, z, _ = state
         tip = np.asarray(self.plant.robot.tip_pose(q).translation)[list(self.task_map.rows)]
         desired = np.asarray(self.task.desired(t)[0], dtype=float)
+        if tick == 0:  # the start is there whatever happens next, so that no record is empty
+            samples.q[0], samples.z[0], samples.torque[0] = q, z, held
+            samples.tip[0], samples.desired[0], samples.compute_time[0] = tip, desired, 0.0
+            samples.count = 1
         if reason := _divergence(q, z, tip - desired):
             samples.status, samples.message = "diverged", f"at t = {t:.6g} s: {reason}"
             return state, held
@@ -271,7 +275,7 @@ class _Loop:
             auxiliary_error=auxiliary,
             compute_time=run.compute_time,
             signals={name: values[:n] for name, values in samples.signals.items()},
-            metrics=compute_metrics(run) if n else {},
+            metrics=compute_metrics(run),
             status=samples.status,
             message=samples.message,
             robot=self.robot.name,

@@ -24,7 +24,7 @@ _FIELDS: dict[str, tuple[str, str, str, str]] = {
     "tip/position": ("tip_position", "axis", "m", "task coordinates of the tip, f_e"),
     "tip/desired": ("tip_desired", "axis", "m", "desired trajectory p_d"),
     "error/task": ("task_error", "axis", "m", "e^e = f_e - p_d"),
-    "error/auxiliary": ("auxiliary_error", "auxiliary", "1", "e^a = f_a of (11)"),
+    "error/auxiliary": ("auxiliary_error", "auxiliary_component", "1", "e^a = f_a of (11)"),
     "compute_time": ("compute_time", "", "s", "time that the controller took for this tick"),
 }
 _SIGNALS = {
@@ -77,7 +77,8 @@ def _fill(file: h5py.File, record: Record, every: int) -> None:
     _axis(file, "joint", record.joint_names, "", "coordinates of q")
     _axis(file, "velocity", record.velocity_names, "", "components of z, and the motors")
     _axis(file, "axis", ["x", "y", "z"][:m], "", "world axes")
-    _axis(file, "auxiliary", np.arange(record.auxiliary_error.shape[1]), "1", "auxiliary task")
+    components = np.arange(record.auxiliary_error.shape[1])
+    _axis(file, "auxiliary_component", components, "1", "components of e^a")
     for place, (field, axis, units, description) in _FIELDS.items():
         _samples(file, place, getattr(record, field)[::every], axis, units, description)
     for place, samples in record.signals.items():

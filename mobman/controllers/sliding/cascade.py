@@ -36,7 +36,9 @@ class SlidingGains(KinematicGains, DynamicGains):
         None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
     )
     discretization: Discretization = gain("implicit", "", "of the unit vectors: implicit, explicit")
-    boundary_layer: float = gain(0.0, "m/s^2", "width in which s/|s| becomes s/width; 0 for none")
+    boundary_layer: float = gain(
+        0.0, "that of s, of S", "width in which s/|s| becomes s/width; 0: none"
+    )
     metric_scale: float = gain(1.0, "1", "factor of the nominal M in the implicit form's metric")
 
     def __post_init__(self) -> None:

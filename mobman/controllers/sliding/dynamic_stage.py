@@ -34,14 +34,16 @@ class DynamicGains:
     alpha_1: Fraction | float | str = gain("3/5", "1", "n1/n2 of (51), both odd, n1 < n2 < 2 n1")
     C: float = gain(2.0, "1", "C of (55), at least 1")
     C_0: float = gain(1.0, "N m/s", "C_0 of (55)")
-    A: float | Auto = gain("auto", "1", "lower bound of lambda_min(B B^T), (54)")
-    w_3: float = gain(3.0, "1", "factor of |v||z| in chi, (53)")
-    w_4: float = gain(9.0, "1", "factor of |z|^3 in chi, (53)")
-    w_5: float = gain(12.0, "1", "factor of |z| + |z| beta_0 in chi, (53)")
+    A: float | Auto = gain("auto", "1", "lower bound of lambda_min(B B^T), (54), or A' of (64)")
+    w_3: float = gain(3.0, "rad^-1", "factor of |v||z| in chi, (53)")
+    w_4: float = gain(9.0, "kg m^2", "factor of |z|^3 in chi, (53)")
+    w_5: float = gain(12.0, "N m/rad", "factor of |z| + |z| beta_0 in chi, (53)")
     w_6: float = gain(0.0, "1", "factor of beta_1 in chi, (53)")
-    w_7: float = gain(6.0, "1", "factor of |Lambda_0 E^a1 + Lambda_1 E'^a2 - v_ref'| in chi, (53)")
-    w_8: float = gain(0.011, "1", "factor of |z||S| in chi, (53)")
-    w_9: float = gain(6.0, "1", "factor of |z||z'| in chi, (53)")
+    w_7: float = gain(
+        6.0, "kg m^2", "factor of |Lambda_0 E^a1 + Lambda_1 E'^a2 - v_ref'| in chi, (53)"
+    )
+    w_8: float = gain(0.011, "kg m^2", "factor of |z||S| in chi, (53)")
+    w_9: float = gain(6.0, "kg m^2", "factor of |z||z'| in chi, (53)")
     beta_0: float = gain(0.0, "N m", "bound of |D|, (18)")
     beta_1: float = gain(0.0, "N m/s", "bound of |D'|, (18)")
 

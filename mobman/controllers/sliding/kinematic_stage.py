@@ -26,7 +26,7 @@ from mobman.controllers.task_space import TaskErrors
 class KinematicGains:
     """Gains of (31)-(34); defaults are the paper's, section 4, but for ``a``."""
 
-    lambda_0: Diagonal = gain(1.0, "s^-1", "lambda_0 of (31)")
+    lambda_0: Diagonal = gain(1.0, "mixed, see docs/theory.md", "lambda_0 of (31)")
     lambda_1: Diagonal = gain(11.0, "mixed, see docs/theory.md", "lambda_1 of (31)")
     lambda_2: Diagonal = gain(6.0, "mixed, see docs/theory.md", "lambda_2 of (31)")
     c: float = gain(2.0, "1", "c of (34), at least 1")

@@ -1,0 +1,211 @@
+"""The documentation against the code: examples run, tables are the code's, links lead somewhere.
+
+Tables of what the code declares stand between ``<!-- table: NAME -->`` and ``<!-- end -->``;
+``python tests/docs/test_docs.py`` writes them anew.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mobman as mm
+from mobman.benchmark.runner import perform
+from mobman.benchmark.store import Store
+from mobman.benchmark.suite import Suite
+from mobman.controllers.protocol import controllers
+from mobman.simulation.disturbances.disturbance import disturbances
+from mobman.simulation.metrics.metric import list_metrics
+from mobman.simulation.scenario import Scenario
+from mobman.tasks.task import list_tasks
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.glob("*.md"))
+OWN_ROBOTS = ["tiago", "tiago_dual", "tiago_no_hand", "youbot"]
+OWN_CONTROLLERS = [
+    "damped-least-squares",
+    "extended-jacobian",
+    "pseudo-inverse",
+    "tsm",
+    "tsm-inverse-actuation",
+    "tsm-simplified",
+]
+PYTHON = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
+TABLE = re.compile(r"(<!-- table: ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
+
+
+def gains_table(laws: str) -> str:
+    """The gains of laws that have the same ones."""
+    first, *others = (controllers.get(name).Gains for name in laws.split())
+    assert all(gains is first for gains in others), f"{laws} have different gains"
+    rows = []
+    for field in dataclasses.fields(first):
+        unit = field.metadata["unit"].replace(
+            "see docs/theory.md", "[see theory](theory.md#gains-units-and-conditions)"
+        )
+        cells = (f"`{field.name}`", f"`{field.default!r}`", unit, _plain(field.metadata["meaning"]))
+        rows.append(cells)
+    return _table(("gain", "default", "unit", "meaning"), rows)
+
+
+def robots_table(_: str = "") -> str:
+    """The robots that come with mobman."""
+    rows = []
+    for name in OWN_ROBOTS:
+        robot = mm.load_robot(name)
+        spec = robot.spec
+        numbers = (str(robot.n), str(robot.nq), str(robot.nz))
+        rows.append((f"`{name}`", *numbers, f"`{robot.tip}`", spec.source, spec.license))
+    return _table(("robot", "$n$", "`nq`", "`nz`", "tip", "source", "licence"), rows)
+
+
+def scenarios_table(_: str = "") -> str:
+    """The scenarios that come with mobman."""
+    rows = [(f"`{name}`", mm.load_scenario(name).description) for name in mm.list_scenarios()]
+    return _table(("scenario", "what it does"), rows)
+
+
+GENERATED = {"gains": gains_table, "robots": robots_table, "scenarios": scenarios_table}
+
+
+def generated(title: str) -> str:
+    """The table of a marker such as ``gains of tsm``."""
+    kind, _, of = title.partition(" of ")
+    return GENERATED[kind](of)
+
+
+def _table(headings: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = [headings, ("---",) * len(headings), *rows]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+def _plain(text: str) -> str:
+    """Text in which Markdown sees no markup: the code's meanings have |x|, x_1 and x^2."""
+    return re.sub(r"([|_*<])", r"\\\1", text)
+
+
+def _prose(page: Path) -> str:
+    return FENCE.sub("", page.read_text())
+
+
+def _anchors(page: Path) -> set[str]:
+    """GitHub's anchors of a page's headings."""
+    headings = (re.sub(r"[`*$]", "", heading) for heading in HEADING.findall(_prose(page)))
+    return {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in headings}
+
+
+def _first_cells(page: Path, heading: str) -> list[str]:
+    """The names in backquotes in the first column of the tables under a heading."""
+    section = page.read_text().split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    return re.findall(r"^\| `([^`]+)` \|", section, re.MULTILINE)
+
+
+def _small_results(folder: Path) -> None:
+    """Results of a suite of two short runs, as ``mobman bench run`` leaves them."""
+    suite = Suite.model_validate(
+        {
+            "schema": 1,
+            "name": "paper",
+            "duration": 0.02,
+            "controllers": {name: {"law": name} for name in ("tsm", "pseudo-inverse")},
+            "groups": [{"robots": ["youbot"], "tasks": ["paper"]}],
+        }
+    )
+    store = Store(folder)
+    store.begin(suite, suite.runs())
+    for run in suite.runs():
+        perform(run, store.path(run))
+    store.finish(0.0, 1, [])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_examples_run(page, tmp_path):
+    """A page's Python blocks, one after the other, as one script in an empty folder.
+
+    In a process of its own: examples register things.
+    """
+    if page.stem == "results":
+        _small_results(tmp_path / "results" / "paper")
+    text = page.read_text()
+    script = ""
+    for block in PYTHON.finditer(text):  # each on the lines that it has in the page
+        before = text[: block.start(1)].count("\n")
+        script += "\n" * (before - script.count("\n")) + block.group(1)
+    (tmp_path / f"{page.stem}_examples.py").write_text(script)
+    done = subprocess.run(
+        [sys.executable, f"{page.stem}_examples.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_generated_tables_are_the_codes(page):
+    for _, title, content, _ in TABLE.findall(page.read_text()):
+        assert content == generated(title), (
+            f"{page.name}: the table {title!r} is not what the code says; "
+            "python tests/docs/test_docs.py writes it anew"
+        )
+
+
+def test_every_law_has_its_table_of_gains():
+    text = (DOCS / "controllers.md").read_text()
+    titles = [title for _, title, _, _ in TABLE.findall(text)]
+    documented = [name for title in titles for name in title.removeprefix("gains of ").split()]
+    assert sorted(documented) == OWN_CONTROLLERS
+    assert set(OWN_CONTROLLERS) <= set(mm.list_controllers())
+
+
+def test_every_metric_is_explained():
+    text = (DOCS / "metrics.md").read_text()
+    rows = re.findall(r"^\| `([^`]+)` \| ([^|]+?) \| ([^|]+?) \|", text, re.MULTILINE)
+    metrics = list_metrics()
+    assert sorted(name for name, _, _ in rows) == [metric.name for metric in metrics]
+    stated = {name: (unit, better) for name, unit, better in rows}
+    assert stated == {metric.name: (metric.unit, metric.better or "–") for metric in metrics}
+
+
+def test_every_robot_scenario_task_and_disturbance_is_named():
+    assert set(OWN_ROBOTS) <= set(mm.list_robots())
+    scenarios = DOCS / "scenarios.md"
+    assert sorted(_first_cells(scenarios, "Fields")) == sorted(Scenario.model_fields)
+    assert sorted(_first_cells(scenarios, "Disturbances")) == disturbances.names()
+    tasks = _first_cells(DOCS / "controllers.md", "Tasks")
+    assert set(tasks) <= set(list_tasks())
+    assert {"paper", "circle"} <= set(tasks)
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.stem)
+def test_links_lead_somewhere(page):
+    for target in LINK.findall(_prose(page)):
+        if re.match(r"[a-z]+:", target):
+            continue  # other sites are not ours to test
+        path, _, anchor = target.partition("#")
+        there = (page.parent / path).resolve() if path else page
+        assert there.exists(), f"{page.name}: {target}"
+        if anchor:
+            assert anchor in _anchors(there), f"{page.name}: {target}"
+
+
+def write_tables() -> None:
+    """Write the generated tables of all pages anew."""
+    for page in PAGES:
+        text = page.read_text()
+        page.write_text(TABLE.sub(lambda found: found[1] + generated(found[2]) + found[4], text))
+
+
+if __name__ == "__main__":
+    write_tables()
