@@ -58,7 +58,8 @@ class Registry(Generic[T]):
                     stacklevel=2,
                 )
         if name not in self._items:
-            raise UnknownNameError(self.kind, name, self.names())
+            # a broken package's name is no choice
+            raise UnknownNameError(self.kind, name, set(self.names()) - {name})
         return self._items[name]
 
     def _plugins(self) -> dict:  # type: ignore[type-arg]

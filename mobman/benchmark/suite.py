@@ -16,7 +16,7 @@ from mobman.controllers.protocol import make_controller
 from mobman.errors import MobmanError, SpecError, UnknownNameError
 from mobman.resources import resource_folder
 from mobman.robots.catalogue import find_spec
-from mobman.robots.urdf import find_urdf
+from mobman.robots.urdf import urdf_of
 from mobman.simulation.scenario import load_scenario
 from mobman.tasks.task import tasks
 from mobman.toml_model import Strict, read_toml, validate
@@ -187,7 +187,7 @@ def _problem(problems: list[str], where: str, find: Any, name: str) -> Any:
 def _fingerprint(robot: str) -> str:
     spec = find_spec(robot)
     text = json.dumps(spec.model_dump(mode="json", by_alias=True), sort_keys=True)
-    urdf = find_urdf(spec.urdf, spec.folder).sha256()
+    urdf = urdf_of(spec).sha256()
     return hashlib.sha256((text + urdf).encode()).hexdigest()[:16]
 
 

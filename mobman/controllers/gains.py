@@ -122,6 +122,6 @@ def _numbers(gains: Any, name: str) -> Array:
         numbers = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         numbers = np.array(np.nan)
-    if isinstance(value, bool) or numbers.size == 0 or not np.all(np.isfinite(numbers)):
+    if isinstance(value, (bool, str)) or numbers.size == 0 or not np.all(np.isfinite(numbers)):
         raise GainError(f"{name} = {value!r}: must be a finite number, or a list of them")
     return numbers

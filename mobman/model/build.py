@@ -16,7 +16,7 @@ from mobman.model.mobile_manipulator import Geometry, MobileManipulator
 from mobman.model.platforms.platform import Platform, platforms
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf import BASE_JOINTS, UrdfFile, find_urdf, flat_urdf
+from mobman.robots.urdf import BASE_JOINTS, UrdfFile, flat_urdf, urdf_of
 
 
 def load_robot(
@@ -43,9 +43,9 @@ def build_robot(spec: RobotSpec) -> MobileManipulator:
     Raises:
         SpecError: If a field does not fit the URDF.
     """
-    urdf = find_urdf(spec.urdf, spec.folder)
+    urdf = urdf_of(spec)
     platform = _platform(spec, urdf)
-    tree = _parse(spec, flat_urdf(urdf.parse(), platform.root_offset))
+    tree = _parse(spec, flat_urdf(urdf, platform.root_offset))
     locked = _locked(spec, tree)
     model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", spec.rest))
     if not model.existFrame(spec.arm.tip):
@@ -71,7 +71,7 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
         SpecError: If a mesh is missing or cannot be read.
     """
     spec, urdf = robot.spec, robot.urdf
-    xml = flat_urdf(urdf.parse(), robot.platform.root_offset)
+    xml = flat_urdf(urdf, robot.platform.root_offset)
     tree = _parse(spec, xml)
     folders = [str(folder) for folder in urdf.package_folders]
     models = []
@@ -91,7 +91,7 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
 
 def _platform(spec: RobotSpec, urdf: UrdfFile) -> Platform:
     """The platform, placed by where the URDF's wheels are."""
-    tree = _parse(spec, flat_urdf(urdf.parse(), (0.0, 0.0, 0.0)))
+    tree = _parse(spec, flat_urdf(urdf, (0.0, 0.0, 0.0)))
     kind = platforms.get(spec.platform.type)
     return kind.build(spec.platform.parameters, tree, f"robot {spec.name!r}")
 

@@ -68,7 +68,8 @@ def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
         return read_spec(own[text])
     if text in (plugins := _plugins()) and (spec := _load_plugin(plugins[text])) is not None:
         return spec
-    raise UnknownNameError("robot", text, list_robots())
+    # a broken package's name is no choice
+    raise UnknownNameError("robot", text, set(list_robots()) - {text})
 
 
 def _own() -> dict[str, Path]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mobman.errors import SpecError
-from mobman.robots.spec import UrdfSource
+from mobman.robots.spec import RobotSpec
 
 BASE_JOINTS = ("base_x", "base_y", "base_theta")
 """The platform's pose: along the world's x and y (m), about its z (rad)."""
@@ -46,25 +46,26 @@ class UrdfFile:
         return root
 
 
-def find_urdf(source: UrdfSource, folder: Path) -> UrdfFile:
+def urdf_of(spec: RobotSpec) -> UrdfFile:
     """The file that a robot's description points at.
 
     Raises:
         SpecError: If it does not exist.
     """
+    source = spec.urdf
     if source.package is None:
-        path = folder / source.path
+        path = spec.folder / source.path
         packages = (path.parent, *path.parent.parents)
     else:
-        share = _share_folder(source.package)
+        share = _share_folder(spec.name, source.package)
         path = share / source.package / "robots" / source.path
         packages = (share,)
     if not path.is_file():
-        raise SpecError(f"field 'urdf.path': there is no URDF at {path}")
+        raise SpecError(f"robot {spec.name!r}: field 'urdf.path': there is no URDF at {path}")
     return UrdfFile(path.resolve(), packages)
 
 
-def _share_folder(package: str) -> Path:
+def _share_folder(robot: str, package: str) -> Path:
     """The ``share`` folder of a data package that ships no Python module."""
     site = Path(sysconfig.get_paths()["purelib"])
     candidates = [
@@ -75,7 +76,7 @@ def _share_folder(package: str) -> Path:
         if (share / package).is_dir():
             return share
     raise SpecError(
-        f"field 'urdf.package': {package} is not installed (looked in "
+        f"robot {robot!r}: field 'urdf.package': {package} is not installed (looked in "
         f"{', '.join(map(str, candidates))}); install it with: pip install {package}"
     )
 
@@ -87,28 +88,33 @@ def _cmeel_paths() -> list[str]:
     return [str(Path(pinocchio.__file__).parents[1])]
 
 
-def flat_urdf(robot: ET.Element, root_offset: Iterable[float]) -> str:
+def flat_urdf(urdf: UrdfFile, root_offset: Iterable[float]) -> str:
     """The URDF with planar base joints in front of its root, and without two-slot joints.
 
     A ``continuous`` joint becomes ``revolute`` with wide limits, since Pinocchio gives it two
     configuration slots (cos, sin) otherwise; ``floating`` and ``planar`` joints are refused.
 
     Args:
-        robot: The ``<robot>`` element; it is changed in place.
+        urdf: The file.
         root_offset: Position of the root link's frame in the platform's frame (m): the platform's
             reference point on the ground is the frame's origin.
 
     Raises:
-        SpecError: If the tree has not exactly one root, or a joint of a type that is not allowed.
+        SpecError: If the file cannot be parsed, has not exactly one root link, or a joint of a type
+            that is not allowed.
     """
+    robot = urdf.parse()
     for joint in robot.findall("joint"):
         kind = joint.get("type")
         name = joint.get("name")
         if name in BASE_JOINTS:
-            raise SpecError(f"URDF joint {name!r}: this name is kept for the platform's pose")
+            raise SpecError(
+                f"{urdf.path}: joint {name!r}: this name is kept for the platform's pose"
+            )
         if kind not in ("fixed", "revolute", "prismatic", "continuous"):
             raise SpecError(
-                f"URDF joint {name!r} is {kind!r}; allowed: fixed, revolute, prismatic, continuous"
+                f"{urdf.path}: joint {name!r} is {kind!r}; allowed: fixed, "
+                "revolute, prismatic, continuous"
             )
         if kind == "continuous":
             joint.set("type", "revolute")
@@ -119,7 +125,7 @@ def flat_urdf(robot: ET.Element, root_offset: Iterable[float]) -> str:
             limit.set("upper", _UNBOUNDED)
     parent = "world_of_mobman"
     ET.SubElement(robot, "link", name=parent)
-    root = root_link(robot, ignoring=parent)
+    root = _root_link(urdf, robot, ignoring=parent)
     axes = ("1 0 0", "0 1 0", "0 0 1")
     for name, axis in zip(BASE_JOINTS, axes, strict=True):
         kind = "revolute" if name == "base_theta" else "prismatic"
@@ -140,15 +146,11 @@ def flat_urdf(robot: ET.Element, root_offset: Iterable[float]) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
-def root_link(robot: ET.Element, ignoring: str = "") -> str:
-    """The name of the link that is no joint's child.
-
-    Raises:
-        SpecError: If there are none or several.
-    """
+def _root_link(urdf: UrdfFile, robot: ET.Element, ignoring: str) -> str:
+    """The name of the link that is no joint's child."""
     children = {joint.find("child").get("link") for joint in robot.findall("joint")}  # type: ignore[union-attr]
     names = [link.get("name", "") for link in robot.findall("link")]
     roots = [name for name in names if name not in children and name != ignoring]
     if len(roots) != 1:
-        raise SpecError(f"the URDF has {len(roots)} root links ({', '.join(roots)}); allowed: one")
+        raise SpecError(f"{urdf.path}: {len(roots)} root links ({', '.join(roots)}); allowed: one")
     return roots[0]
