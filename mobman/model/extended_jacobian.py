@@ -83,7 +83,7 @@ def extended_kinematics(
     tip = robot.tip_kinematics(q, z, velocity)
     j = np.concatenate((task_map.jacobian(tip), robot.constraint_matrix(q)))
     j_dot = np.concatenate((task_map.jacobian_rate(tip), robot.constraint_matrix_rate(q, q_dot)))
-    gram = Cholesky(j @ j.T, "j j^T (a kinematic singularity)")
+    gram = _gram(j)
     n_perp = orthonormal_complement(j) if complement is None else _carried(complement, j, gram)
 
     g = criterion.gradient(q)
@@ -125,11 +125,17 @@ def auxiliary_coordinates(
     """
     jacobian = robot.tip_jacobian(q)[list(task_map.rows)]
     j = np.concatenate((jacobian, robot.constraint_matrix(q)))
-    if complement is None:
-        n_perp = orthonormal_complement(j)
-    else:
-        n_perp = _carried(complement, j, Cholesky(j @ j.T, "j j^T (a kinematic singularity)"))
+    n_perp = orthonormal_complement(j) if complement is None else _carried(complement, j, _gram(j))
     return n_perp @ criterion.gradient(q), n_perp
+
+
+def _gram(j: Array) -> Cholesky:
+    """The factor of j j^T.
+
+    Raises:
+        SingularityError: If j has lost its rank.
+    """
+    return Cholesky(j @ j.T, "j j^T (a kinematic singularity)", well_posed=True)
 
 
 def _carried(complement: Array, j: Array, gram: Cholesky) -> Array:

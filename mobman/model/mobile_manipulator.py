@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.errors import ModelError
+from mobman.errors import ModelError, UsageError
 from mobman.model.platforms.platform import Platform
 from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf import UrdfFile
@@ -139,6 +139,20 @@ class MobileManipulator:
             q_rest=self.q_rest,
             criterion_weights=self.criterion_weights,
         )
+
+    def checked_configuration(self, q: Array) -> Array:
+        """A copy of q as floats.
+
+        Raises:
+            UsageError: If it is not a configuration of this robot.
+        """
+        configuration = np.array(q, dtype=float)
+        if configuration.shape != (self.nq,) or not np.all(np.isfinite(configuration)):
+            raise UsageError(
+                f"q0 has shape {configuration.shape}; robot {self.name!r} needs {self.nq} finite "
+                f"numbers, in the order {', '.join(self.joint_names)}"
+            )
+        return configuration
 
     # Kinematics of the constraints -------------------------------------------------------------
 

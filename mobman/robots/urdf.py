@@ -148,7 +148,12 @@ def flat_urdf(urdf: UrdfFile, root_offset: Iterable[float]) -> str:
 
 def _root_link(urdf: UrdfFile, robot: ET.Element, ignoring: str) -> str:
     """The name of the link that is no joint's child."""
-    children = {joint.find("child").get("link") for joint in robot.findall("joint")}  # type: ignore[union-attr]
+    children = set()
+    for joint in robot.findall("joint"):
+        child = joint.find("child")
+        if child is None:
+            raise SpecError(f"{urdf.path}: joint {joint.get('name')!r} has no <child>")
+        children.add(child.get("link"))
     names = [link.get("name", "") for link in robot.findall("link")]
     roots = [name for name in names if name not in children and name != ignoring]
     if len(roots) != 1:

@@ -43,8 +43,8 @@ def simulate(
     duration: float,
     dt: float = 1e-3,
     q0: Array | None = None,
-    plant: MobileManipulator | Scenario | str | None = None,
-    scenario: Scenario | str | None = None,
+    plant: MobileManipulator | Scenario | str | os.PathLike[str] | None = None,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Record:
@@ -76,7 +76,7 @@ def simulate(
         robot = load_robot(robot)
     if isinstance(controller, str):
         controller = make_controller(controller)
-    elif not isinstance(controller, Controller):
+    elif isinstance(controller, type) or not isinstance(controller, Controller):
         raise UsageError(
             f"{controller!r} is no controller: it needs reset(robot, task, dt) and "
             "step(t, q, z, z_dot) -> torque"
@@ -86,7 +86,7 @@ def simulate(
             raise UsageError(f"{name} = {value!r}: must be above 0 (s)")
     if duration < dt:
         raise UsageError(f"duration = {duration!r} s is shorter than one period, dt = {dt!r} s")
-    start = _start(robot, q0)
+    start = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
     task = make_task(task, robot, start) if isinstance(task, str) else task
     resolved = _scenario(scenario)
     true = _true_robot(robot, plant, resolved)
@@ -320,26 +320,18 @@ def _divergence(q: Array, z: Array, error: Array) -> str:
     return ""
 
 
-def _start(robot: MobileManipulator, q0: Array | None) -> Array:
-    if q0 is None:
-        return robot.q_rest.copy()
-    start = np.array(q0, dtype=float)
-    if start.shape != (robot.nq,) or not np.all(np.isfinite(start)):
-        raise UsageError(
-            f"q0 has shape {start.shape}; robot {robot.name!r} needs {robot.nq} finite numbers, in "
-            f"the order {', '.join(robot.joint_names)}"
-        )
-    return start
-
-
-def _scenario(scenario: Scenario | str | None) -> Scenario:
+def _scenario(scenario: Scenario | str | os.PathLike[str] | None) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario
+    if scenario is not None and not isinstance(scenario, (str, os.PathLike)):
+        raise UsageError(f"scenario = {scenario!r}: must be a scenario, its name or its file")
     return load_scenario("nominal" if scenario is None else scenario)
 
 
 def _true_robot(
-    robot: MobileManipulator, plant: MobileManipulator | Scenario | str | None, scenario: Scenario
+    robot: MobileManipulator,
+    plant: MobileManipulator | Scenario | str | os.PathLike[str] | None,
+    scenario: Scenario,
 ) -> MobileManipulator:
     base, changes = robot, scenario
     if isinstance(plant, MobileManipulator):
@@ -348,15 +340,22 @@ def _true_robot(
         base = plant
     elif isinstance(plant, Scenario):
         changes = plant
-    elif isinstance(plant, str):
-        if plant not in list_scenarios() and not plant.endswith(".toml"):
-            raise UnknownNameError("plant", plant, list_scenarios())
-        changes = load_scenario(plant)
+    elif isinstance(plant, (str, os.PathLike)):
+        text = os.fspath(plant)
+        if text not in list_scenarios() and not text.endswith(".toml"):
+            raise UnknownNameError("plant", text, list_scenarios())
+        changes = load_scenario(text)
+    elif plant is not None:
+        raise UsageError(
+            f"plant = {plant!r}: must be a robot, a scenario, a scenario's name or its file"
+        )
     return true_robot(base, changes.mass_factor, changes.inertia_factor, changes.payload)
 
 
-def _plant_name(plant: MobileManipulator | Scenario | str | None) -> str | None:
-    return plant if plant is None or isinstance(plant, str) else plant.name
+def _plant_name(plant: MobileManipulator | Scenario | str | os.PathLike[str] | None) -> str | None:
+    if plant is None or isinstance(plant, (str, os.PathLike)):
+        return None if plant is None else os.fspath(plant)
+    return plant.name
 
 
 def _name_of(thing: object) -> str:

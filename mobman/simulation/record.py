@@ -83,6 +83,7 @@ class Record:
 
         Raises:
             RecordError: If it cannot be written.
+            UsageError: If ``every`` is below 1.
         """
         from mobman.simulation.record_file import write_record
 

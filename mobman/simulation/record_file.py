@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.errors import RecordError
+from mobman.errors import RecordError, UsageError
 from mobman.simulation.record import Record
 
 SCHEMA_VERSION = 1
@@ -37,6 +37,8 @@ _DICTIONARIES = ("spec", "settings", "versions")
 
 def write_record(record: Record, path: Path, every: int = 1) -> Path:
     """See :meth:`Record.save`."""
+    if every < 1:
+        raise UsageError(f"every = {every!r}: must be a whole number, 1 or more")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +62,7 @@ def read_record(path: Path) -> Record:
             return _parse(file, path)
     except OSError as error:
         raise RecordError(f"{path} is not a readable HDF5 file: {error}") from error
-    except (KeyError, json.JSONDecodeError) as error:
+    except (KeyError, ValueError, TypeError) as error:
         raise RecordError(f"{path} is not a whole record: {error}") from error
 
 

@@ -52,8 +52,9 @@ def make_task(name: str, robot: MobileManipulator, q0: Array | None = None) -> T
 
     Raises:
         UnknownNameError: If no task has the name.
+        UsageError: If q0 does not fit the robot.
     """
-    return tasks.get(name)(robot, robot.q_rest if q0 is None else q0)
+    return tasks.get(name)(robot, robot.q_rest if q0 is None else robot.checked_configuration(q0))
 
 
 class Desired(NamedTuple):

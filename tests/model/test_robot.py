@@ -1,0 +1,98 @@
+"""What a robot offers: flat coordinates, names, shapes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from mobman.errors import ModelError
+
+
+def test_coordinates_are_flat(robot):
+    """nq == nv, and adding a velocity to q is Pinocchio's own integration."""
+    model = robot.model
+    assert model.nq == model.nv == robot.nq
+    random = np.random.default_rng(0)
+    q, step = random.standard_normal((2, robot.nq))
+    assert np.allclose(pin.integrate(model, q, step), q + step, atol=1e-12)
+
+
+def test_platform_pose_is_three_joints_of_one_degree(robot):
+    """One composite joint of three would make Pinocchio's Jacobian rates wrong."""
+    model = robot.model
+    for name, kind in (("base_x", "PX"), ("base_y", "PY"), ("base_theta", "RZ")):
+        assert model.joints[model.getJointId(name)].shortname() == f"JointModel{kind}"
+    assert "JointModelComposite" not in {joint.shortname() for joint in model.joints}
+
+
+def test_joint_names_are_in_the_order_of_q(robot):
+    assert len(robot.joint_names) == len(set(robot.joint_names)) == robot.nq
+    for i, name in enumerate(robot.joint_names):
+        assert robot.model.joints[robot.model.getJointId(name)].idx_q == i
+
+
+def test_velocity_names_are_alpha_then_the_arm_in_the_order_of_q(robot):
+    arm = [robot.joint_names[i] for i in robot.arm_index]
+    assert robot.velocity_names == ["alpha_1", "alpha_2", *arm]
+    assert list(robot.arm_index) == sorted(robot.arm_index)
+    assert len(robot.velocity_names) == robot.nz == robot.nq - robot.k
+
+
+def test_moving_one_velocity_moves_the_coordinate_of_its_name(robot):
+    for i, name in enumerate(robot.velocity_names[robot.n_alpha :], start=robot.n_alpha):
+        q_dot = robot.velocity_map(robot.q_rest)[:, i]
+        assert np.flatnonzero(q_dot).tolist() == [robot.joint_names.index(name)]
+
+
+def test_shapes_of_the_contract(robot):
+    q, z = robot.q_rest, np.ones(robot.nz)
+    nq, nz = robot.nq, robot.nz
+    assert q.shape == (nq,)
+    assert robot.constraint_matrix(q).shape == (robot.k, nq)
+    assert robot.velocity_map(q).shape == robot.velocity_map_rate(q, z).shape == (nq, nz)
+    dynamics = robot.dynamics(q, z)
+    assert dynamics.M.shape == dynamics.B.shape == (nz, nz)
+    assert dynamics.bias.shape == (nz,)
+    assert robot.tip_jacobian(q).shape == (6, nq)
+    assert isinstance(robot.tip_pose(q), pin.SE3)
+
+
+def test_rest_posture_is_within_the_limits(robot):
+    assert np.all(robot.q_rest >= robot.model.lowerPositionLimit)
+    assert np.all(robot.q_rest <= robot.model.upperPositionLimit)
+
+
+def test_rest_posture_is_what_the_description_says(robot):
+    for name, value in robot.spec.rest.items():
+        if name in robot.joint_names:
+            assert robot.q_rest[robot.joint_names.index(name)] == value
+
+
+def test_criterion_weights_are_what_the_description_says(robot):
+    given = robot.spec.criterion
+    for name, weight in zip(robot.joint_names, robot.criterion_weights, strict=True):
+        default = given.platform if name.startswith("base_") else given.default
+        assert weight == given.weights.get(name, default)
+
+
+def test_results_do_not_change_when_the_robot_is_used_again(robot):
+    """Pinocchio hands out views on its workspace for some calls."""
+    z = np.ones(robot.nz)
+    pose, jacobian = robot.tip_pose(robot.q_rest), robot.tip_jacobian(robot.q_rest)
+    dynamics, tip = robot.dynamics(robot.q_rest, z), robot.tip_kinematics(robot.q_rest, z)
+    kept = [np.array(part) for part in (pose.homogeneous, jacobian, *dynamics, *tip)]
+    other = robot.q_rest + 0.3
+    robot.tip_pose(other), robot.tip_jacobian(other)
+    robot.dynamics(other, 2 * z), robot.tip_kinematics(other, 2 * z)
+    for before, now in zip(kept, (pose.homogeneous, jacobian, *dynamics, *tip), strict=True):
+        assert np.array_equal(before, now)
+
+
+def test_repr_says_which_robot(youbot):
+    assert repr(youbot) == "MobileManipulator('youbot', nq=8, nz=5, tip='tip')"
+
+
+def test_model_of_other_joints_is_refused(youbot, tiago):
+    with pytest.raises(ModelError, match="other joints"):
+        youbot.with_model(tiago.model)

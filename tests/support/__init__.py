@@ -1,0 +1,1 @@
+"""What several tests share: random states, derivatives, variants of robots, a reference law."""

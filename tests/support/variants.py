@@ -1,0 +1,62 @@
+"""Robots that differ from the project's own in a field or two."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from mobman.resources import resource_folder
+
+ROBOTS = resource_folder("robots")
+
+
+def description(robot: str = "youbot", /, **changes: Any) -> dict[str, Any]:
+    """A robot's TOML as a dictionary; ``platform__alpha="paper"`` changes ``[platform] alpha``.
+
+    A value of None leaves the field out.
+    """
+    content = tomllib.loads((ROBOTS / f"{robot}.toml").read_text(encoding="utf-8"))
+    content["folder"] = ROBOTS
+    for path, value in changes.items():
+        *tables, field = path.split("__")
+        table = content
+        for part in tables:
+            table = table.setdefault(part, {})
+        if value is None:
+            table.pop(field)
+        else:
+            table[field] = copy.copy(value)
+    return content
+
+
+def youbot_urdf() -> str:
+    """The text of the youBot's URDF."""
+    return (ROBOTS / "youbot.urdf").read_text(encoding="utf-8")
+
+
+def youbot_with_urdf(folder: Path, text: str, **changes: Any) -> dict[str, Any]:
+    """The youBot on another URDF, written to ``folder``."""
+    (folder / "changed.urdf").write_text(text, encoding="utf-8")
+    return {**description(urdf__path="changed.urdf", **changes), "folder": folder}
+
+
+def toml(content: dict[str, Any]) -> str:
+    """A description as TOML: as much of the format as these tests need."""
+    plain = {k: v for k, v in content.items() if not isinstance(v, dict) and k != "folder"}
+    lines = [f"{key} = {_value(value)}" for key, value in plain.items()]
+    for key, table in content.items():
+        if isinstance(table, dict):
+            lines += [f"[{key}]", *(f"{k} = {_value(v)}" for k, v in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, (int, float)) else f'"{value}"'

@@ -1,0 +1,65 @@
+"""What a task is: names, and any object with desired(t)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mobman as mm
+from mobman.errors import UnknownNameError, UsageError
+from mobman.tasks.task import desired_at, task_map_of
+
+
+class Fixed:
+    """A task that gives the same four things at every time."""
+
+    def __init__(self, *parts):
+        self.parts = parts
+
+    def desired(self, t):
+        return self.parts
+
+
+def test_named_tasks_are_listed():
+    assert {"paper", "circle"} <= set(mm.list_tasks())
+
+
+def test_misspelt_task_is_answered_with_the_nearest_name(youbot):
+    with pytest.raises(UnknownNameError, match="unknown task 'cirle'; did you mean 'circle'"):
+        mm.make_task("cirle", youbot)
+
+
+@pytest.mark.parametrize("m", [2, 3])
+def test_dimension_is_that_of_the_desired_point(m):
+    assert task_map_of(Fixed(*np.zeros((4, m)))).m == m
+
+
+def test_lists_will_do():
+    desired = desired_at(Fixed([1, 2], [3, 4], [5, 6], [7, 8]), 0.0)
+    assert desired.p.dtype == desired.p_dddot.dtype == np.float64
+    assert desired.p_dot.tolist() == [3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        np.zeros((3, 3)),
+        [np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(2)],
+        [np.zeros((3, 1))] * 4,
+        [0.0] * 4,
+    ],
+    ids=["three parts", "two lengths", "columns", "numbers"],
+)
+def test_wrong_shapes_are_told(parts):
+    with pytest.raises(UsageError, match=r"desired\(t\) of Fixed gave arrays of shapes"):
+        task_map_of(Fixed(*parts))
+
+
+def test_other_dimensions_are_refused():
+    with pytest.raises(UsageError, match="6 components; allowed: 3"):
+        task_map_of(Fixed(*np.zeros((4, 6))))
+
+
+def test_object_without_desired_is_no_task():
+    with pytest.raises(UsageError, match="is no task: it needs a method desired"):
+        task_map_of(object())

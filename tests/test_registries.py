@@ -1,0 +1,84 @@
+"""Names to things: found by looking, answered with the nearest, extended by other packages."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from mobman import registry
+from mobman.errors import UnknownNameError
+from mobman.registry import Registry
+
+THING = object()
+
+
+@pytest.fixture
+def things():
+    return Registry("thing", "mobman.tasks.trajectories", "mobman.test_things")
+
+
+@pytest.fixture
+def plugins(monkeypatch):
+    points = [
+        EntryPoint("good", f"{__name__}:THING", "mobman.test_things"),
+        EntryPoint("broken", "no_such_package:thing", "mobman.test_things"),
+    ]
+    monkeypatch.setattr(
+        registry, "entry_points", lambda group: points if group == "mobman.test_things" else []
+    )
+
+
+def test_registered_thing_is_found_and_listed(things):
+    things.register("b", 2)
+    things.register("a", 1)
+    assert things.names() == ["a", "b"]
+    assert things.get("b") == 2
+
+
+def test_later_one_replaces_the_earlier(things):
+    things.register("a", 1)
+    assert things.register("a", 2) == 2
+    assert things.get("a") == 2
+
+
+def test_modules_of_the_package_register_themselves():
+    """One new file is enough: nothing lists the laws."""
+    from mobman.controllers.protocol import controllers
+
+    assert "tsm" in controllers.names()
+    assert controllers.get("tsm").__module__ == "mobman.controllers.laws.tsm"
+
+
+def test_unknown_name_is_answered_with_the_nearest_and_all(things):
+    things.register("circle", 1)
+    things.register("line", 2)
+    with pytest.raises(UnknownNameError) as caught:
+        things.get("circel")
+    assert str(caught.value) == (
+        "unknown thing 'circel'; did you mean 'circle'? valid names: circle, line"
+    )
+    assert caught.value.choices == ["circle", "line"]
+
+
+def test_empty_registry_says_so(things):
+    with pytest.raises(UnknownNameError, match="valid names: none"):
+        things.get("anything")
+
+
+@pytest.mark.usefixtures("plugins")
+def test_thing_of_another_package(things):
+    things.register("own", 1)
+    assert things.names() == ["broken", "good", "own"]
+    assert things.get("good") is THING
+
+
+@pytest.mark.usefixtures("plugins")
+def test_broken_package_is_left_out_with_a_warning(things):
+    with (
+        pytest.warns(UserWarning, match="thing 'broken' of no_such_package:thing is left out"),
+        pytest.raises(UnknownNameError) as caught,
+    ):
+        things.get("broken")
+    assert "did you mean 'broken'" not in str(caught.value)
+    assert things.get("good") is THING
