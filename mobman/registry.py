@@ -34,6 +34,7 @@ class Registry(Generic[T]):
 
     def register(self, name: str, item: T) -> T:
         """Add ``item`` under ``name``, replacing what had the name."""
+        self._discover()
         self._items[name] = item
         return item
 
@@ -59,7 +60,7 @@ class Registry(Generic[T]):
                 )
         if name not in self._items:
             # a broken package's name is no choice
-            raise UnknownNameError(self.kind, name, set(self.names()) - {name})
+            raise UnknownNameError(self.kind, str(name), set(self.names()) - {name})
         return self._items[name]
 
     def _plugins(self) -> dict:  # type: ignore[type-arg]

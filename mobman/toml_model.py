@@ -50,13 +50,18 @@ def validate(model: type[M], content: Any, origin: str) -> M:
         return model.model_validate(content)
     except ValidationError as error:
         raise SpecError(f"{origin}: {describe(model, error)}") from error
+    except SpecError as error:
+        raise SpecError(f"{origin}: {error}") from error
 
 
 def describe(model: type[BaseModel], error: ValidationError) -> str:
     """All of a validation's errors in one line."""
     clauses = []
     for item in error.errors():
-        field = ".".join(str(part) for part in item["loc"]) or "(whole)"
+        # the branches of a union ("float", "list[float]") are no fields
+        loc = [part for part in item["loc"] if str(part) not in ("int", "float", "str")]
+        loc = [part for part in loc if "[" not in str(part)]
+        field = ".".join(str(part) for part in loc) or "(whole)"
         if item["type"] == "extra_forbidden":
             clauses.append(
                 f"field {field!r} is unknown; allowed beside it: {_siblings(model, item)}"
@@ -67,7 +72,7 @@ def describe(model: type[BaseModel], error: ValidationError) -> str:
             found = repr(item["input"])
             found = found if len(found) <= 60 else found[:57] + "..."
             clauses.append(f"field {field!r} is {found}: {item['msg']}")
-    return "; ".join(clauses)
+    return "; ".join(dict.fromkeys(clauses))
 
 
 def _siblings(model: type[BaseModel], item: Any) -> str:
@@ -79,7 +84,8 @@ def _siblings(model: type[BaseModel], item: Any) -> str:
         if part in by_name:
             current = _model_in(by_name[part].annotation)
     fields = getattr(current, "model_fields", {})
-    return ", ".join(info.alias or name for name, info in fields.items()) or "none"
+    own = [info.alias or name for name, info in fields.items() if not info.exclude]
+    return ", ".join(own) or "none"
 
 
 def _model_in(annotation: Any) -> Any:

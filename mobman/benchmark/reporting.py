@@ -34,7 +34,7 @@ def report_on(folder: str | os.PathLike[str]) -> ReportFiles:
             )
             continue
         file = store.path(run).relative_to(store.folder)
-        reported.append(ReportedRun(run.label, file.as_posix(), record))
+        reported.append(ReportedRun(run.label, file.as_posix(), record, run.gains))
     if not reported and not failed:
         raise MobmanError(f"{folder} holds no runs")
     store.rebuild_index()

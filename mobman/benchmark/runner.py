@@ -6,16 +6,24 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from mobman.benchmark.store import Failure, Store
 from mobman.benchmark.suite import RunSpec, Suite
-from mobman.errors import MobmanError
+from mobman.controllers.protocol import controllers, make_controller
+from mobman.model.build import load_robot
+from mobman.robots.catalogue import find_spec
+from mobman.robots.spec import RobotSpec
+from mobman.simulation.closed_loop import simulate
+from mobman.simulation.scenario import Scenario
+from mobman.tasks.task import TaskFactory, tasks
 
 # One thread a worker: the matrices are small, and the workers use all cores already.
 _ONE_THREAD = dict.fromkeys(
@@ -85,8 +93,7 @@ def run_suite(
 
     Raises:
         SpecError: If the suite names what is not there.
-        MobmanError: If the folder cannot be used, or a worker process was killed; what was done is
-            kept, and the same call goes on from there.
+        MobmanError: If the folder cannot be used.
     """
     workers = default_workers() if workers is None else workers
     runs = suite.runs()
@@ -107,16 +114,37 @@ def run_suite(
                 on_done(outcome)
     summary.seconds = time.monotonic() - started
     store.finish(
-        summary.seconds,
-        workers,
         [Failure(outcome.run.run_id, outcome.message) for outcome in summary.failed],
+        summary.seconds if summary.outcomes else None,
+        workers,
     )
     return summary
 
 
 def _in_parallel(todo: list[RunSpec], store: Store, workers: int) -> Iterator[Outcome]:
-    if not todo:
-        return
+    """The outcomes, as they come; a run that kills its process costs nothing but itself."""
+    left = {run.run_id: run for run in todo}
+    while left:
+        try:
+            for outcome in _pool(list(left.values()), store, workers):
+                del left[outcome.run.run_id]
+                yield outcome
+        except BrokenProcessPool:
+            # One of those in progress killed its process (out of memory, say); they are the first
+            # that are left. Alone in a process of its own, the culprit shows itself.
+            for run in list(left.values())[: workers + 1]:
+                yield _alone(run, store)
+                del left[run.run_id]
+
+
+def _alone(run: RunSpec, store: Store) -> Outcome:
+    try:
+        return next(_pool([run], store, 1))
+    except BrokenProcessPool:
+        return Outcome(run, "failed", "its process was killed (out of memory?)", float("nan"))
+
+
+def _pool(todo: list[RunSpec], store: Store, workers: int) -> Iterator[Outcome]:
     # "spawn": a worker starts clean, with one thread, whatever this process has loaded
     executor = ProcessPoolExecutor(
         min(workers, len(todo)),
@@ -124,16 +152,21 @@ def _in_parallel(todo: list[RunSpec], store: Store, workers: int) -> Iterator[Ou
         initializer=_start_worker,
     )
     try:
-        futures: dict[Future[Outcome], RunSpec] = {
-            executor.submit(perform, run, store.path(run)): run for run in todo
-        }
+        futures = [
+            executor.submit(
+                perform,
+                run,
+                find_spec(run.robot),
+                controllers.get(run.law),
+                tasks.get(run.task),
+                store.path(run),
+            )
+            for run in todo
+        ]
         for future in as_completed(futures):
             yield future.result()
-    except BrokenProcessPool as error:
-        raise MobmanError(
-            f"a worker process was killed (out of memory?); what was done is kept in {store.folder} "
-            "and the same command goes on from there"
-        ) from error
+    except BrokenProcessPool:
+        raise
     except BaseException:
         # Ctrl-C, or an error: runs in progress are worthless half done, so do not wait for them
         for process in list((executor._processes or {}).values()):
@@ -143,15 +176,23 @@ def _in_parallel(todo: list[RunSpec], store: Store, workers: int) -> Iterator[Ou
         executor.shutdown(wait=False, cancel_futures=True)
 
 
-def perform(run: RunSpec, path: Path) -> Outcome:
-    """Do one run and keep its record; what goes wrong is an outcome, not an exception."""
-    from mobman.controllers.protocol import make_controller
-    from mobman.simulation.closed_loop import simulate
-    from mobman.simulation.scenario import Scenario
+def perform(
+    run: RunSpec, robot: RobotSpec, law: type[Any], factory: TaskFactory, path: Path
+) -> Outcome:
+    """Do one run and keep its record; what goes wrong is an outcome, not an exception.
 
+    Args:
+        run: What to do.
+        robot: What its robot's name means where the suite was started; this process may not know.
+        law: The same for its law.
+        factory: The same for its task.
+        path: Where the record goes.
+    """
     try:
+        controllers.register(run.law, law)
+        tasks.register(run.task, factory)
         record = simulate(
-            run.robot,
+            load_robot(robot),
             make_controller(run.law, **run.gains),
             run.task,
             duration=run.duration,
@@ -171,6 +212,15 @@ def perform(run: RunSpec, path: Path) -> Outcome:
 def _start_worker() -> None:
     # Ctrl-C goes to the whole process group; only the parent acts on it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would wait for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextlib.contextmanager

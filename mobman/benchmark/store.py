@@ -16,6 +16,8 @@ import numpy as np
 from mobman.benchmark.suite import RunSpec, Suite
 from mobman.errors import MobmanError, RecordError
 from mobman.simulation.record import Record, load_record
+from mobman.simulation.record_file import RecordSummary, read_summary
+from mobman.simulation.temporary import is_abandoned, temporary_beside
 
 _SCHEMA_VERSION = 1
 
@@ -33,7 +35,7 @@ class Store:
 
     ``runs/RUN_ID.h5`` are the records, each there whole or not at all; ``suite.json`` says what was
     asked for; ``index.h5`` links the records with a table of what they are, and can be rebuilt from
-    them at any time.
+    these files at any time.
 
     Args:
         folder: The folder; it need not exist.
@@ -58,16 +60,19 @@ class Store:
             raise MobmanError(f"cannot write to {self.folder}: {error.strerror}") from error
 
     def _begin(self, suite: Suite, runs: Iterable[RunSpec]) -> None:
+        seconds = workers = None
         if (self.folder / "suite.json").exists():
-            other = self._content()["suite"]["name"]
+            content = self._content()
+            seconds, workers = content.get("seconds"), content.get("workers")
+            other = content["suite"]["name"]
             if other != suite.name:
                 raise MobmanError(
                     f"{self.folder} holds results of the suite {other!r}, not of {suite.name!r}; "
                     "choose another folder with -o"
                 )
         (self.folder / "runs").mkdir(parents=True, exist_ok=True)
-        for leftover in (self.folder / "runs").glob(".*.tmp"):
-            if not _alive(leftover):
+        for leftover in (*self.folder.glob(".*.tmp"), *(self.folder / "runs").glob(".*.tmp")):
+            if is_abandoned(leftover):
                 leftover.unlink(missing_ok=True)
         self._write(
             {
@@ -75,15 +80,26 @@ class Store:
                 "suite": suite.model_dump(mode="json", by_alias=True),
                 "runs": {run.run_id: asdict(run) for run in runs},
                 "failures": {},
+                "seconds": seconds,
+                "workers": workers,
             }
         )
 
-    def finish(self, seconds: float, workers: int, failures: Iterable[Failure]) -> None:
-        """Note how a run of the suite went, and rebuild the index."""
+    def finish(
+        self, failures: Iterable[Failure], seconds: float | None = None, workers: int | None = None
+    ) -> None:
+        """Note how the suite went, and rebuild the index.
+
+        Args:
+            failures: Runs without a result.
+            seconds: How long the runs took that were done now; None if there were none.
+            workers: With how many processes.
+        """
         content = self._content()
         content["failures"] = {failure.run_id: failure.reason for failure in failures}
-        content["seconds"] = seconds
-        content["workers"] = workers
+        if seconds is not None:
+            content["seconds"] = seconds + (content.get("seconds") or 0.0)
+            content["workers"] = workers
         content["finished"] = datetime.now(UTC).isoformat(timespec="seconds")
         self._write(content)
         self.rebuild_index()
@@ -99,7 +115,7 @@ class Store:
 
     @property
     def timing(self) -> tuple[float | None, int | None]:
-        """How long the last run of the suite took (s), and with how many workers."""
+        """How long the runs took altogether (s), and with how many workers at last."""
         content = self._content()
         return content.get("seconds"), content.get("workers")
 
@@ -116,7 +132,7 @@ class Store:
     def done(self, run: RunSpec) -> bool:
         """Whether a run's record is there and can be read."""
         try:
-            load_record(self.path(run))
+            read_summary(self.path(run))
         except RecordError:
             return False
         return True
@@ -132,11 +148,11 @@ class Store:
     def rebuild_index(self) -> Path:
         """Write ``index.h5`` anew: a link to every record, and a table of specs and metrics."""
         index = self.folder / "index.h5"
-        temporary = self.folder / f".index.h5.{os.getpid()}.tmp"
+        temporary = temporary_beside(index)
         rows = []
         for run in self.runs:
             try:
-                rows.append((run, self.record(run)))
+                rows.append((run, read_summary(self.path(run))))
             except RecordError:
                 continue  # not run yet, or among the failures
         try:
@@ -157,16 +173,22 @@ class Store:
             raise MobmanError(f"{self.folder} holds no results: there is no {path.name}") from error
         except (OSError, json.JSONDecodeError) as error:
             raise MobmanError(f"cannot read {path}: {error}") from error
-        if content.get("schema_version") != _SCHEMA_VERSION:
+        version = content.get("schema_version") if isinstance(content, dict) else None
+        if version != _SCHEMA_VERSION:
             raise MobmanError(
-                f"{path} has schema version {content.get('schema_version')}; this mobman reads "
-                f"version {_SCHEMA_VERSION}"
+                f"{path} has schema version {version}; this mobman reads version {_SCHEMA_VERSION}"
             )
+        try:
+            Suite.model_validate(content["suite"])
+            [RunSpec(**fields) for fields in content["runs"].values()]
+            dict(content["failures"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise MobmanError(f"{path} is not whole: {error!r}") from error
         return content
 
     def _write(self, content: dict[str, Any]) -> None:
         path = self.folder / "suite.json"
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        temporary = temporary_beside(path)
         try:
             temporary.write_text(json.dumps(content, indent=1))
             os.replace(temporary, path)
@@ -174,7 +196,7 @@ class Store:
             temporary.unlink(missing_ok=True)
 
 
-def _fill_index(file: h5py.File, rows: list[tuple[RunSpec, Record]]) -> None:
+def _fill_index(file: h5py.File, rows: list[tuple[RunSpec, RecordSummary]]) -> None:
     file.attrs["schema_version"] = _SCHEMA_VERSION
     links = file.create_group("runs")
     table = file.create_group("table")
@@ -199,14 +221,3 @@ def _fill_index(file: h5py.File, rows: list[tuple[RunSpec, Record]]) -> None:
         metrics.create_dataset(
             name, data=[record.metrics.get(name, np.nan) for _, record in rows], dtype=float
         )
-
-
-def _alive(temporary: Path) -> bool:
-    """Whether the process that writes a temporary file still runs, here."""
-    try:
-        os.kill(int(temporary.name.split(".")[-2]), 0)
-    except (ValueError, ProcessLookupError):
-        return False
-    except PermissionError:
-        return True
-    return True

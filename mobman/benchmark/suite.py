@@ -8,18 +8,20 @@ import os
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from mobman.controllers.protocol import make_controller
 from mobman.errors import MobmanError, SpecError, UnknownNameError
+from mobman.model.build import load_robot
 from mobman.resources import resource_folder
 from mobman.robots.catalogue import find_spec
 from mobman.robots.urdf import urdf_of
 from mobman.simulation.scenario import load_scenario
-from mobman.tasks.task import tasks
+from mobman.tasks.task import make_task, task_parameters, tasks
 from mobman.toml_model import Strict, read_toml, validate
+from mobman.version import __version__
 
 
 class ControllerEntry(Strict):
@@ -37,7 +39,7 @@ class Group(Strict):
     robots: list[str] = Field(min_length=1)
     tasks: list[str] = Field(min_length=1)
     scenarios: list[str] = Field(["nominal"], min_length=1)
-    controllers: list[str] | None = None
+    controllers: list[str] | None = Field(None, min_length=1)
     """Labels of the suite's controllers; all of them by default."""
     gains: dict[str, dict[str, Any]] = {}
     """Gains that differ in this group, by label."""
@@ -53,11 +55,17 @@ class Suite(Strict):
     """Of every run (s)."""
     dt: float = Field(1e-3, gt=0)
     """Sampling period (s)."""
-    seeds: list[int] = Field([0], min_length=1)
+    seeds: list[Annotated[int, Field(ge=0, lt=2**63)]] = Field([0], min_length=1)
     record_every: int = Field(1, ge=1)
     """Ticks from one recorded sample to the next; metrics are always those of all ticks."""
     controllers: dict[str, ControllerEntry] = Field(min_length=1)
     groups: list[Group] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _long_enough(self) -> Self:
+        if self.duration < self.dt:
+            raise ValueError(f"duration {self.duration:g} s is shorter than dt {self.dt:g} s")
+        return self
 
     def runs(self) -> list[RunSpec]:
         """Every run, in the order of the file.
@@ -67,7 +75,7 @@ class Suite(Strict):
         """
         problems: list[str] = []
         runs: dict[str, RunSpec] = {}
-        for number, group in enumerate(self.groups, 1):
+        for number, group in enumerate(self.groups):
             where = f"groups.{number}"
             labels = list(self.controllers) if group.controllers is None else group.controllers
             for label in {*labels, *group.gains} - set(self.controllers):
@@ -83,40 +91,54 @@ class Suite(Strict):
             }
             for name in group.tasks:
                 _problem(problems, where, tasks.get, name)
+            for label in set(group.gains) - set(labels):
+                problems.append(f"{where}: gains for {label!r}, which is not among its controllers")
             if problems:
                 continue
+            aims = {
+                (robot, task): _task(robot, task) for robot in group.robots for task in group.tasks
+            }
             for robot, task, scenario, label, seed in product(
                 group.robots, group.tasks, group.scenarios, labels, self.seeds
             ):
-                law, gains = resolved[label]
+                law, gains, settings = resolved[label]
                 run = RunSpec(
                     label=label,
                     robot=robot,
                     robot_sha256=str(robots[robot]),
                     law=law,
                     gains=gains,
+                    settings=settings,
                     task=task,
+                    task_parameters=aims[robot, task],
                     scenario=scenarios[scenario],
                     seed=seed,
                     duration=self.duration,
                     dt=self.dt,
                     record_every=self.record_every,
+                    version=__version__,
                 )
-                runs.setdefault(run.run_id, run)
+                other = runs.setdefault(run.run_id, run)
+                if other.label != label:
+                    problems.append(
+                        f"{where}: labels {other.label!r} and {label!r} are the same run"
+                    )
         if problems:
             raise SpecError(f"suite {self.name!r}: " + "; ".join(dict.fromkeys(problems)))
         return list(runs.values())
 
     def _resolve(
         self, label: str, group: Group, where: str, problems: list[str]
-    ) -> tuple[str, dict[str, Any]]:
+    ) -> tuple[str, dict[str, Any], dict[str, Any]]:
         entry = self.controllers[label]
         gains = {**entry.gains, **group.gains.get(label, {})}
+        settings: dict[str, Any] = {}
         try:
-            make_controller(entry.law, **gains)
+            controller = make_controller(entry.law, **gains)
+            settings = getattr(controller, "settings", dict)()
         except MobmanError as error:
             problems.append(f"controller {label!r} in {where}: {error}")
-        return entry.law, gains
+        return entry.law, gains, settings
 
 
 @dataclass(frozen=True)
@@ -130,18 +152,26 @@ class RunSpec:
     """Of the robot's description and URDF."""
     law: str
     gains: dict[str, Any]
+    """As the suite gives them."""
+    settings: dict[str, Any]
+    """All gains, the law's defaults among them."""
     task: str
+    task_parameters: dict[str, Any]
     scenario: dict[str, Any]
     seed: int
     duration: float
     dt: float
     record_every: int
+    version: str
+    """mobman's: another version may give other numbers."""
 
     @property
     def run_id(self) -> str:
         """Hash of the run's specification."""
-        content = {key: value for key, value in asdict(self).items() if key != "label"}
-        text = json.dumps(content, sort_keys=True)
+        content = {
+            key: value for key, value in asdict(self).items() if key not in ("label", "gains")
+        }
+        text = json.dumps(content, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def __str__(self) -> str:
@@ -189,6 +219,10 @@ def _fingerprint(robot: str) -> str:
     text = json.dumps(spec.model_dump(mode="json", by_alias=True), sort_keys=True)
     urdf = urdf_of(spec).sha256()
     return hashlib.sha256((text + urdf).encode()).hexdigest()[:16]
+
+
+def _task(robot: str, task: str) -> dict[str, Any]:
+    return task_parameters(make_task(task, load_robot(robot)))
 
 
 def _scenario(name: str) -> dict[str, Any]:

@@ -6,7 +6,9 @@ Exit status: 0 done; 1 the thing asked for failed; 2 it was asked for wrongly; 1
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import warnings
 
 import click
 
@@ -30,10 +32,17 @@ mobman.add_command(bench)
 
 def main() -> None:
     """Run the command line and exit."""
+    # Asked to stop, it stops as after Ctrl-C: workers are ended and what was done is kept.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    warnings.showwarning = _show_warning
     try:
-        status = mobman.main(standalone_mode=False)
-        # flush here, so that a closed pipe is met inside this try
-        sys.stdout.flush()
+        # not mobman.main(): that turns a closed pipe into exit status 1
+        with mobman.make_context("mobman", sys.argv[1:]) as context:
+            mobman.invoke(context)
+        if sys.stdout is not None:
+            sys.stdout.flush()  # so that a closed pipe is met here
+    except click.exceptions.Exit as leave:
+        sys.exit(leave.exit_code)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.ctx.get_help() if error.ctx else "", err=True)
         sys.exit(error.exit_code)
@@ -50,6 +59,8 @@ def main() -> None:
         # `mobman ... | head`: the reader has what it wanted
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
+    except OSError as error:
+        _fail(str(error), 1)
     except Exception as error:
         if os.environ.get("MOBMAN_DEBUG"):
             raise
@@ -57,8 +68,10 @@ def main() -> None:
             f"internal error: {type(error).__name__}: {error} (set MOBMAN_DEBUG=1 for the traceback)",
             1,
         )
-    else:
-        sys.exit(status if isinstance(status, int) else 0)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    click.echo(f"mobman: warning: {' '.join(str(message).split())}", err=True)
 
 
 def _fail(message: str, status: int) -> None:

@@ -10,9 +10,18 @@ import click
 from rich.console import Console
 
 
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to the entry point, which knows what a reader that has enough means."""
+        raise BrokenPipeError
+
+
 def console(*, stderr: bool = False) -> Console:
-    """A terminal for tables and progress bars; plain text where there is no terminal."""
-    return Console(stderr=stderr, highlight=False)
+    """A terminal for tables and progress bars; plain text where there is no terminal.
+
+    What is printed is taken as it is: names and files may have brackets.
+    """
+    return _Console(stderr=stderr, highlight=False, markup=False)
 
 
 def print_json(value: Any) -> None:

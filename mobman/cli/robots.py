@@ -7,8 +7,10 @@ from typing import Any
 import click
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
 from mobman.cli.output import console, print_json
+from mobman.errors import MobmanError
 
 
 @click.group(invoke_without_command=True)
@@ -20,7 +22,12 @@ def robots(context: click.Context, as_json: bool) -> None:
         return
     from mobman.robots.catalogue import list_robots
 
-    rows = [_summary(name) for name in list_robots()]
+    rows = []
+    for name in list_robots():
+        try:
+            rows.append(_summary(name))
+        except MobmanError as error:  # one broken robot must not hide the others
+            click.echo(f"mobman: {name} is left out: {' '.join(str(error).split())}", err=True)
     if as_json:
         print_json(rows)
         return
@@ -51,7 +58,7 @@ def show(name: str, as_json: bool) -> None:
         print_json(content)
         return
     out = console()
-    out.print(f"[bold]{content['name']}[/bold]  {content['description']}")
+    out.print(Text.assemble((content["name"], "bold"), f"  {content['description']}"))
     for key in ("platform", "tip", "mass", "source", "license", "urdf"):
         out.print(f"  {key:<9} {content[key]}", soft_wrap=True)
     out.print(f"  {'z':<9} {', '.join(content['velocity_names'])}", soft_wrap=True)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from mobman.cli.output import console, number, print_json
+from mobman.errors import RecordError
 
 
 @click.command()
@@ -23,7 +26,11 @@ from mobman.cli.output import console, number, print_json
     "--scenario", default="nominal", show_default=True, help="Scenario, or its TOML file."
 )
 @click.option(
-    "--seed", type=int, default=0, show_default=True, help="Of the scenario's randomness."
+    "--seed",
+    type=click.IntRange(0, 2**63 - 1),
+    default=0,
+    show_default=True,
+    help="Of the scenario's randomness.",
 )
 @click.option(
     "--gain",
@@ -62,16 +69,20 @@ def run(
     from mobman.tasks.task import make_task
 
     model = load_robot(robot)
-    law = make_controller(controller, **dict(_gain(text) for text in gains))
+    law = make_controller(controller, **_gains(gains))
     aim = make_task(task, model)
     resolved = load_scenario(scenario)
+    if output is not None:
+        _check_writable(output)
+    screen = console(stderr=True)
     with Progress(
         TextColumn(f"{model.name} · {task} · {resolved.name} · {controller}"),
         BarColumn(),
         TaskProgressColumn(),
         TimeRemainingColumn(),
-        console=console(stderr=True),
+        console=screen,
         transient=True,
+        disable=not screen.is_terminal,
     ) as progress:
         bar = progress.add_task("run", total=1.0)
         record = simulate(
@@ -110,10 +121,9 @@ def _print(record: Any, path: Path | None) -> None:
     out = console()
     bounds = {key: record.settings[key] for key in ("a", "A") if key in record.settings}
     in_force = ", ".join(f"{key} = {value:.4g}" for key, value in bounds.items())
-    out.print(
-        f"[bold]{record.robot} · {record.task} · {record.scenario} · {record.controller}[/bold]"
-        f"  {record.status}" + (f"  (in force: {in_force})" if in_force else "")
-    )
+    name = f"{record.robot} · {record.task} · {record.scenario} · {record.controller}"
+    rest = f"  {record.status}" + (f"  (in force: {in_force})" if in_force else "")
+    out.print(Text.assemble((name, "bold"), rest))
     table = Table(box=None, pad_edge=False)
     table.add_column("metric")
     table.add_column("value", justify="right")
@@ -126,6 +136,22 @@ def _print(record: Any, path: Path | None) -> None:
     out.print(table)
     if path is not None:
         out.print(f"record: {path}", soft_wrap=True)
+
+
+def _gains(texts: tuple[str, ...]) -> dict[str, Any]:
+    gains: dict[str, Any] = {}
+    for name, value in map(_gain, texts):
+        if name in gains:
+            raise click.BadParameter(f"{name} is given twice", param_hint="--gain")
+        gains[name] = value
+    return gains
+
+
+def _check_writable(path: Path) -> None:
+    """Before the simulation, not after it."""
+    folder = next((parent for parent in path.absolute().parents if parent.exists()), None)
+    if folder is None or not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise RecordError(f"cannot write the record {path}: {folder} is no folder to write in")
 
 
 def _gain(text: str) -> tuple[str, Any]:

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.gains import Diagonal, gain, require_not_negative, require_positive
+from mobman.controllers.gains import (
+    Diagonal,
+    gain,
+    require_not_negative,
+    require_positive,
+    require_positive_diagonal,
+)
 from mobman.model.mobile_manipulator import MobileManipulator, Velocity
 
 
@@ -38,7 +44,7 @@ class RedundancyGains(TrackingGains):
         require_not_negative(self, "k_0", "k_d")
         require_positive(self, "c_F")
         if self.K_F is not None:
-            require_positive(self, "K_F")
+            require_positive_diagonal(self, "K_F")
 
 
 def computed_torque(

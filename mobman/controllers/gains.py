@@ -38,22 +38,30 @@ def as_settings(gains: Any) -> dict[str, Any]:
 
 
 def require_positive(gains: Any, *names: str) -> None:
-    """Raises GainError unless each named gain (every entry of it) is a finite number above 0."""
+    """Raises GainError unless each named gain is a finite number above 0."""
     for name in names:
-        if not np.all(_numbers(gains, name) > 0.0):
+        if not _number(gains, name) > 0.0:
             raise GainError(f"{name} = {getattr(gains, name)!r}: must be above 0")
+
+
+def require_positive_diagonal(gains: Any, *names: str) -> None:
+    """Raises GainError unless each named gain is a number above 0, or a list of them."""
+    for name in names:
+        value = getattr(gains, name)
+        if not np.all(_numbers(name, value) > 0.0):
+            raise GainError(f"{name} = {value!r}: must be above 0, every entry of it")
 
 
 def require_not_negative(gains: Any, *names: str) -> None:
     """Raises GainError unless each named gain is a finite number, 0 or more."""
     for name in names:
-        if not np.all(_numbers(gains, name) >= 0.0):
+        if not _number(gains, name) >= 0.0:
             raise GainError(f"{name} = {getattr(gains, name)!r}: must not be negative")
 
 
 def require_at_least_one(gains: Any, name: str, theorem: str) -> None:
     """Raises GainError unless the gain is at least 1, as the theorem supposes."""
-    if not np.all(_numbers(gains, name) >= 1.0):
+    if not _number(gains, name) >= 1.0:
         raise GainError(f"{name} = {getattr(gains, name)!r}: must be at least 1 ({theorem})")
 
 
@@ -63,7 +71,7 @@ def require_bound(gains: Any, name: str, inequality: str) -> None:
     if isinstance(value, str):
         if value != "auto":
             raise GainError(f"{name} = {value!r}: must be 'auto' or a number above 0")
-    elif not (np.ndim(value) == 0 and np.all(_numbers(gains, name) > 0.0)):
+    elif not _number(gains, name) > 0.0:
         raise GainError(f"{name} = {value!r}: must be above 0, since {inequality}")
 
 
@@ -116,12 +124,20 @@ def diagonal(name: str, value: Diagonal, length: int) -> Array:
     return vector.copy()
 
 
-def _numbers(gains: Any, name: str) -> Array:
+def _number(gains: Any, name: str) -> float:
     value = getattr(gains, name)
+    if np.ndim(value) != 0:
+        raise GainError(f"{name} = {value!r}: must be one number")
+    return float(_numbers(name, value))
+
+
+def _numbers(name: str, value: Any) -> Array:
     try:
         numbers = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         numbers = np.array(np.nan)
-    if isinstance(value, (bool, str)) or numbers.size == 0 or not np.all(np.isfinite(numbers)):
+    entries = np.ravel(np.asarray(value, dtype=object))
+    plain = not any(isinstance(entry, (bool, np.bool_, str)) for entry in entries)
+    if not plain or numbers.size == 0 or not np.all(np.isfinite(numbers)):
         raise GainError(f"{name} = {value!r}: must be a finite number, or a list of them")
     return numbers

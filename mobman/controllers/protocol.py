@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from mobman.arrays import Array
-from mobman.errors import UnknownNameError
+from mobman.errors import UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.registry import Registry
 from mobman.tasks.task import Task
@@ -44,7 +44,7 @@ class Controller(Protocol):
 controllers: Registry[type[Any]] = Registry(
     "controller", "mobman.controllers.laws", "mobman.controllers"
 )
-"""Classes that are made from an instance of their own ``Gains``, a dataclass."""
+"""Classes that are made from an instance of their own ``Gains``, a dataclass, or without anything."""
 
 
 def list_controllers() -> list[str]:
@@ -64,17 +64,25 @@ def make_controller(name: str, **gains: Any) -> Controller:
         GainError: If a gain is outside what the theory allows.
     """
     law = controllers.get(name)
-    controller: Controller = law(law.Gains(**_by_field(name, law.Gains, gains)))
+    controller: Controller
+    if hasattr(law, "Gains"):
+        controller = law(law.Gains(**_by_field(name, law.Gains, gains)))
+    elif gains:
+        raise UnknownNameError(f"gain of {name!r}", next(iter(gains)), [])
+    else:
+        controller = law()
     return controller
 
 
 def _by_field(name: str, gains: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
     fields = [field.name for field in dataclasses.fields(gains)]
     plain = {field.replace("_", ""): field for field in fields}
-    found = {}
+    found: dict[str, Any] = {}
     for key, value in given.items():
         field = key if key in fields else plain.get(key.replace("_", ""))
         if field is None:
             raise UnknownNameError(f"gain of {name!r}", key, fields)
+        if field in found:
+            raise UsageError(f"gain {field!r} of {name!r} is given twice")
         found[field] = value
     return found

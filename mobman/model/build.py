@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.errors import SpecError
+from mobman.errors import SpecError, UnknownNameError
 from mobman.model.mobile_manipulator import Geometry, MobileManipulator
 from mobman.model.platforms.platform import Platform, platforms
 from mobman.robots.catalogue import as_spec, find_spec
@@ -59,7 +59,7 @@ def build_robot(spec: RobotSpec) -> MobileManipulator:
         model=model,
         platform=platform,
         q_rest=_named_values(spec, model, "rest", spec.rest, known=list(tree.names)),
-        criterion_weights=_criterion_weights(spec, model),
+        criterion_weights=_criterion_weights(spec, model, list(tree.names)),
     )
     return _checked(robot)
 
@@ -92,7 +92,10 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
 def _platform(spec: RobotSpec, urdf: UrdfFile) -> Platform:
     """The platform, placed by where the URDF's wheels are."""
     tree = _parse(spec, flat_urdf(urdf, (0.0, 0.0, 0.0)))
-    kind = platforms.get(spec.platform.type)
+    try:
+        kind = platforms.get(spec.platform.type)
+    except UnknownNameError as error:
+        raise SpecError(f"robot {spec.name!r}: field 'platform.type': {error}") from error
     return kind.build(spec.platform.parameters, tree, f"robot {spec.name!r}")
 
 
@@ -146,11 +149,16 @@ def _named_values(
     return vector
 
 
-def _criterion_weights(spec: RobotSpec, model: pin.Model) -> Array:
+def _criterion_weights(spec: RobotSpec, model: pin.Model, known: list[str]) -> Array:
     given = spec.criterion
     base = dict.fromkeys(BASE_JOINTS, given.platform)
     return _named_values(
-        spec, model, "criterion.weights", {**base, **given.weights}, default=given.default
+        spec,
+        model,
+        "criterion.weights",
+        {**base, **given.weights},
+        default=given.default,
+        known=known,
     )
 
 
@@ -170,8 +178,15 @@ def _checked(robot: MobileManipulator) -> MobileManipulator:
             f"{where}: field 'rest.{robot.joint_names[i]}' is {robot.q_rest[i]:g}; allowed: "
             f"{lower[i]:g} to {upper[i]:g}"
         )
-    if np.any(robot.criterion_weights <= 0):
-        raise SpecError(f"{where}: field 'criterion.weights': every weight must be above 0")
+    for i in np.flatnonzero(robot.criterion_weights <= 0):
+        raise SpecError(
+            f"{where}: field 'criterion.weights.{robot.joint_names[i]}' is "
+            f"{robot.criterion_weights[i]:g}; allowed: above 0"
+        )
+    if not np.any(robot.tip_jacobian(robot.q_rest)[:, robot.arm_index]):
+        raise SpecError(
+            f"{where}: field 'arm.tip' is {robot.tip!r}, which no joint of the arm moves"
+        )
     inertia = robot.dynamics(robot.q_rest, np.zeros(robot.nz)).M
     if not np.all(np.isfinite(inertia)) or np.linalg.eigvalsh(inertia)[0] <= 0:
         raise SpecError(

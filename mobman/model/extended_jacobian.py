@@ -140,6 +140,8 @@ def _gram(j: Array) -> Cholesky:
 
 def _carried(complement: Array, j: Array, gram: Cholesky) -> Array:
     """The orthonormal rows of ker j nearest to ``complement``: polar(N Proj_ker j)."""
+    if not len(complement):  # no redundancy: l + n = m + k
+        return complement
     projected = complement - gram.solve(j @ complement.T).T @ j
     # Near the last configuration N N^T is I to second order in the step; a few Newton-Schulz
     # iterations give the polar factor to working precision. Far from it, the SVD does.

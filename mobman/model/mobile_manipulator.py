@@ -146,7 +146,10 @@ class MobileManipulator:
         Raises:
             UsageError: If it is not a configuration of this robot.
         """
-        configuration = np.array(q, dtype=float)
+        try:
+            configuration = np.array(q, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise UsageError(f"q0 = {q!r}: must be {self.nq} numbers") from error
         if configuration.shape != (self.nq,) or not np.all(np.isfinite(configuration)):
             raise UsageError(
                 f"q0 has shape {configuration.shape}; robot {self.name!r} needs {self.nq} finite "

@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from mobman.errors import UnknownNameError
+from mobman.errors import UnknownNameError, UsageError
 from mobman.resources import resource_folder
 from mobman.robots.spec import RobotSpec, read_spec
 from mobman.toml_model import validate
@@ -47,6 +47,8 @@ def as_spec(spec_or_path: RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
     if isinstance(spec_or_path, Mapping):
         content = {"folder": Path.cwd(), **spec_or_path}
         return validate(RobotSpec, content, f"robot {spec_or_path.get('name', '')!r}")
+    if not isinstance(spec_or_path, (str, os.PathLike)):
+        raise UsageError(f"{spec_or_path!r} is no robot: give a description or a TOML file")
     return read_spec(Path(spec_or_path))
 
 
@@ -59,6 +61,8 @@ def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
         UnknownNameError: If no robot has the name.
         SpecError: If the description is not valid.
     """
+    if not isinstance(name_or_path, (str, os.PathLike)):
+        raise UsageError(f"{name_or_path!r} is no robot: give a name or a TOML file")
     text = os.fspath(name_or_path)
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):
         return read_spec(Path(text))

@@ -25,12 +25,13 @@ from mobman.simulation.integrator import State, rk4_step
 from mobman.simulation.metrics.metric import Run, compute_metrics
 from mobman.simulation.plant import Plant, true_robot
 from mobman.simulation.provenance import versions
-from mobman.simulation.record import Record
+from mobman.simulation.record import OWN_PLACES, Record
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.criteria.posture import Posture
-from mobman.tasks.task import Task, make_task, task_map_of
+from mobman.tasks.task import Task, make_task, task_map_of, task_parameters
 
 _LARGEST_STEP = 1e-3  # s: the plant's integration step is at most this
+_MOST_TICKS = 10_000_000  # a record of so many fits in memory
 _FASTEST = 1e4  # 1/s or m/s: a reduced velocity beyond it has diverged
 _FARTHEST = 1e3  # m: a task error beyond it has diverged
 
@@ -81,28 +82,37 @@ def simulate(
             f"{controller!r} is no controller: it needs reset(robot, task, dt) and "
             "step(t, q, z, z_dot) -> torque"
         )
-    for name, value in (("duration", duration), ("dt", dt)):
-        if not (math.isfinite(value) and value > 0):
-            raise UsageError(f"{name} = {value!r}: must be above 0 (s)")
-    if duration < dt:
-        raise UsageError(f"duration = {duration!r} s is shorter than one period, dt = {dt!r} s")
+    duration, dt = _seconds("duration", duration), _seconds("dt", dt)
+    ticks = round(duration / dt)
+    if not 1 <= ticks <= _MOST_TICKS:
+        raise UsageError(
+            f"duration = {duration:g} s at dt = {dt:g} s is {duration / dt:.3g} ticks; allowed: 1 to "
+            f"{_MOST_TICKS:g}"
+        )
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+        raise UsageError(f"seed = {seed!r}: must be a whole number from 0 to 2^63 - 1")
+    seed = int(seed)
     start = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
     task = make_task(task, robot, start) if isinstance(task, str) else task
     resolved = _scenario(scenario)
     true = _true_robot(robot, plant, resolved)
+    task_map = task_map_of(task)
+    if robot.nz < task_map.m:
+        raise UsageError(
+            f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {task_map.m}"
+        )
     random = np.random.default_rng(seed)
     loop = _Loop(
         robot=robot,
         controller=controller,
         task=task,
-        task_map=task_map_of(task),
+        task_map=task_map,
         plant=Plant(true, resolved.disturbance(robot.motor_inertia(robot.q_rest), random)),
         accelerometer=Accelerometer(resolved.acceleration, dt),
-        duration=duration,
+        ticks=ticks,
         dt=dt,
         progress=progress,
     )
-    controller.reset(robot, task, dt)
     samples = loop.run(start)
     record = loop.record(samples)
     record.scenario = resolved.name
@@ -111,8 +121,10 @@ def simulate(
         "robot": robot.spec.model_dump(mode="json", by_alias=True),
         "controller": record.controller,
         "task": record.task,
+        "task_parameters": task_parameters(task),
         "scenario": resolved.model_dump(mode="json"),
         "plant": _plant_name(plant),
+        "plant_masses": [float(link.mass) for link in list(true.model.inertias)[1:]],
         "duration": duration,
         "dt": dt,
         "q0": start.tolist(),
@@ -148,12 +160,11 @@ class _Loop:
     task_map: TaskMap
     plant: Plant
     accelerometer: Accelerometer
-    duration: float
+    ticks: int
     dt: float
     progress: Callable[[float], None] | None
 
     def __post_init__(self) -> None:
-        self.ticks = round(self.duration / self.dt)
         self.substeps = max(1, math.ceil(self.dt / _LARGEST_STEP - 1e-9))
 
     def run(self, q0: Array) -> _Samples:
@@ -175,6 +186,9 @@ class _Loop:
         with np.errstate(all="ignore"):
             for tick in range(n):
                 try:
+                    if tick == 0:
+                        self._begin(samples, state, torque)
+                        self.controller.reset(robot, self.task, self.dt)
                     state, torque = self._tick(samples, tick, state, torque)
                 except (SingularityError, np.linalg.LinAlgError) as error:
                     samples.status = "singular"
@@ -190,15 +204,21 @@ class _Loop:
             self.progress(1.0)
         return samples
 
+    def _begin(self, samples: _Samples, state: State, held: Array) -> None:
+        """Keep the start, whatever happens next, so that no record is empty."""
+        samples.q[0], samples.z[0], samples.torque[0] = state.q, state.z, held
+        samples.tip[0], samples.desired[0] = self._tip_and_desired(0.0, state.q)
+        samples.compute_time[0] = 0.0
+        samples.count = 1
+
+    def _tip_and_desired(self, t: float, q: Array) -> tuple[Array, Array]:
+        tip = np.asarray(self.plant.robot.tip_pose(q).translation)
+        return tip[list(self.task_map.rows)], np.asarray(self.task.desired(t)[0], dtype=float)
+
     def _tick(self, samples: _Samples, tick: int, state: State, held: Array) -> tuple[State, Array]:
         t = tick * self.dt
         q, z, _ = state
-        tip = np.asarray(self.plant.robot.tip_pose(q).translation)[list(self.task_map.rows)]
-        desired = np.asarray(self.task.desired(t)[0], dtype=float)
-        if tick == 0:  # the start is there whatever happens next, so that no record is empty
-            samples.q[0], samples.z[0], samples.torque[0] = q, z, held
-            samples.tip[0], samples.desired[0], samples.compute_time[0] = tip, desired, 0.0
-            samples.count = 1
+        tip, desired = self._tip_and_desired(t, q)
         if reason := _divergence(q, z, tip - desired):
             samples.status, samples.message = "diverged", f"at t = {t:.6g} s: {reason}"
             return state, held
@@ -207,7 +227,7 @@ class _Loop:
         started = perf_counter()
         torque = self.controller.step(t, q.copy(), z.copy(), z_dot)
         elapsed = perf_counter() - started
-        torque = np.array(torque, dtype=float)
+        torque = _as_torque(torque)
         if torque.shape != held.shape:
             raise UsageError(
                 f"the controller's torque has shape {torque.shape}; the robot has {len(held)} motors"
@@ -234,6 +254,8 @@ class _Loop:
             return
         for name, value in signals().items():
             if name not in samples.signals:
+                if name.split("/")[0] in OWN_PLACES:
+                    raise UsageError(f"the signal {name!r} has the name of a record's own part")
                 samples.signals[name] = np.full((self.ticks + 1, *np.shape(value)), np.nan)
             samples.signals[name][tick] = value
 
@@ -247,7 +269,7 @@ class _Loop:
         auxiliary = _auxiliary_errors(self.robot, self.task_map, criterion, q)
         run = Run(
             completed=samples.status == "ok",
-            duration=self.duration,
+            duration=self.ticks * self.dt,
             dt=self.dt,
             t=t,
             q=q,
@@ -313,11 +335,30 @@ def _divergence(q: Array, z: Array, error: Array) -> str:
     """Why the state counts as diverged; empty if it does not."""
     if not (np.all(np.isfinite(q)) and np.all(np.isfinite(z))):
         return "the state is not finite"
+    if not np.all(np.isfinite(error)):
+        return "the desired trajectory is not finite"
     if np.abs(z).max() > _FASTEST:
         return f"|z| is {np.abs(z).max():.3g}, above {_FASTEST:g}"
     if np.abs(error).max() > _FARTHEST:
         return f"|e^e| is {np.abs(error).max():.3g} m, above {_FARTHEST:g} m"
     return ""
+
+
+def _seconds(name: str, value: float) -> float:
+    try:
+        seconds = float(value)
+    except (TypeError, ValueError):
+        seconds = math.nan
+    if isinstance(value, str) or not (math.isfinite(seconds) and seconds > 0.0):
+        raise UsageError(f"{name} = {value!r}: must be a number above 0 (s)")
+    return seconds
+
+
+def _as_torque(torque: Any) -> Array:
+    try:
+        return np.array(torque, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"the controller's torque is {torque!r}: it must be numbers") from error
 
 
 def _scenario(scenario: Scenario | str | os.PathLike[str] | None) -> Scenario:

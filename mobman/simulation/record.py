@@ -9,6 +9,21 @@ from typing import Any
 
 from mobman.arrays import Array
 
+OWN_PLACES = {
+    "t",
+    "q",
+    "z",
+    "torque",
+    "tip",
+    "error",
+    "compute_time",
+    "metrics",
+    "joint",
+    "velocity",
+    "axis",
+}
+"""First parts of the places in a record's file that a controller's signals cannot have."""
+
 
 @dataclass
 class Record:
@@ -76,7 +91,7 @@ class Record:
 
         Args:
             path: The file; one that is there is replaced.
-            every: Keep every so many-th sample; metrics stay those of all samples.
+            every: Keep every so many-th sample, and the last; metrics stay those of all samples.
 
         Returns:
             The file's path.

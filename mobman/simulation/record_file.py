@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -13,8 +15,11 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.errors import RecordError, UsageError
 from mobman.simulation.record import Record
+from mobman.simulation.temporary import temporary_beside
 
 SCHEMA_VERSION = 1
+
+T = TypeVar("T")
 
 _FIELDS: dict[str, tuple[str, str, str, str]] = {
     # place in the file: field, axis of its columns, units, description
@@ -39,7 +44,9 @@ def write_record(record: Record, path: Path, every: int = 1) -> Path:
     """See :meth:`Record.save`."""
     if every < 1:
         raise UsageError(f"every = {every!r}: must be a whole number, 1 or more")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    if not path.name:
+        raise UsageError(f"{str(path)!r} is not the name of a file")
+    temporary = temporary_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -55,11 +62,34 @@ def write_record(record: Record, path: Path, every: int = 1) -> Path:
 
 def read_record(path: Path) -> Record:
     """See :func:`mobman.load_record`."""
+    return _read(path, _parse)
+
+
+@dataclass(frozen=True)
+class RecordSummary:
+    """What a record's file says without its samples."""
+
+    status: str
+    message: str
+    scenario: str
+    metrics: dict[str, float]
+
+
+def read_summary(path: Path) -> RecordSummary:
+    """The summary of a record.
+
+    Raises:
+        RecordError: As for :func:`mobman.load_record`.
+    """
+    return _read(path, _summary)
+
+
+def _read(path: Path, parse: Callable[[h5py.File, Path], T]) -> T:
     if not path.is_file():
         raise RecordError(f"there is no record {path}")
     try:
         with h5py.File(path, "r") as file:
-            return _parse(file, path)
+            return parse(file, path)
     except OSError as error:
         raise RecordError(f"{path} is not a readable HDF5 file: {error}") from error
     except (KeyError, ValueError, TypeError) as error:
@@ -73,27 +103,36 @@ def _fill(file: h5py.File, record: Record, every: int) -> None:
     for name in _TEXTS:
         file.attrs[name] = getattr(record, name)
     for name in _DICTIONARIES:
-        file.attrs[f"{name}_json"] = json.dumps(getattr(record, name), sort_keys=True)
+        file.attrs[f"{name}_json"] = json.dumps(
+            getattr(record, name), sort_keys=True, default=_plain
+        )
+    # the last sample too: where a run ended early, it is the one that matters
+    kept = np.unique(np.append(np.arange(0, len(record.t), every), len(record.t) - 1))
     m = record.task_error.shape[1]
-    _axis(file, "t", record.t[::every], "s", "time")
+    _axis(file, "t", record.t[kept], "s", "time")
     _axis(file, "joint", record.joint_names, "", "coordinates of q")
     _axis(file, "velocity", record.velocity_names, "", "components of z, and the motors")
     _axis(file, "axis", ["x", "y", "z"][:m], "", "world axes")
     components = np.arange(record.auxiliary_error.shape[1])
     _axis(file, "auxiliary_component", components, "1", "components of e^a")
     for place, (field, axis, units, description) in _FIELDS.items():
-        _samples(file, place, getattr(record, field)[::every], axis, units, description)
+        _samples(file, place, getattr(record, field)[kept], axis, units, description)
     for place, samples in record.signals.items():
         units, description = _SIGNALS.get(place, ("", "signal of the controller"))
         axis = ""
         if samples.ndim == 2:
             axis = place.replace("/", "_") + "_component"
             _axis(file, axis, np.arange(samples.shape[1]), "1", f"components of {place}")
-        _samples(file, place, samples[::every], axis, units, description)
+        _samples(file, place, samples[kept], axis, units, description)
     file.attrs["signals"] = list(record.signals)
     metrics = file.create_group("metrics")
     for name, value in record.metrics.items():
         metrics.attrs[name] = value
+
+
+def _plain(value: Any) -> Any:
+    """What JSON has no word for: numpy's numbers and arrays, and whatever a custom law reports."""
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
 
 
 def _axis(file: h5py.File, name: str, values: Any, units: str, description: str) -> None:
@@ -117,7 +156,17 @@ def _samples(
         dataset.dims[1].attach_scale(file[axis])
 
 
-def _parse(file: h5py.File, path: Path) -> Record:
+def _summary(file: h5py.File, path: Path) -> RecordSummary:
+    _check_version(file, path)
+    return RecordSummary(
+        status=str(file.attrs["status"]),
+        message=str(file.attrs["message"]),
+        scenario=str(file.attrs["scenario"]),
+        metrics={name: float(value) for name, value in file["metrics"].attrs.items()},
+    )
+
+
+def _check_version(file: h5py.File, path: Path) -> None:
     version = file.attrs.get("schema_version")
     if version is None:
         raise RecordError(f"{path} is an HDF5 file, but not a mobman record (no schema_version)")
@@ -125,6 +174,10 @@ def _parse(file: h5py.File, path: Path) -> Record:
         raise RecordError(
             f"{path} has schema version {version}; this mobman reads version {SCHEMA_VERSION}"
         )
+
+
+def _parse(file: h5py.File, path: Path) -> Record:
+    _check_version(file, path)
     fields: dict[str, Any] = {field: file[place][()] for place, (field, *_) in _FIELDS.items()}
     fields |= {name: str(file.attrs[name]) for name in _TEXTS}
     fields |= {name: json.loads(file.attrs[f"{name}_json"]) for name in _DICTIONARIES}

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from mobman.arrays import Array
-from mobman.errors import UnknownNameError
-from mobman.simulation.disturbances.disturbance import Torque, disturbances
-from mobman.toml_model import Strict, read_toml, validate
+from mobman.errors import SpecError, UnknownNameError
+from mobman.simulation.disturbances.disturbance import Disturbance, Torque, disturbances
+from mobman.toml_model import Strict, describe, read_toml, validate
 
 
 class DisturbanceSource(Strict):
@@ -21,6 +21,23 @@ class DisturbanceSource(Strict):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     type: str
+
+    @model_validator(mode="after")
+    def _valid(self) -> Self:
+        self.resolved()  # told when it is read, not when it is used
+        return self
+
+    def resolved(self) -> Disturbance:
+        """The disturbance itself.
+
+        Raises:
+            UnknownNameError: If its type is unknown.
+            SpecError: If one of its fields is wrong.
+        """
+        kind: Any = disturbances.get(self.type)
+        fields = dict(self.__pydantic_extra__ or {})
+        found: Disturbance = validate(kind, fields, f"disturbance {self.type!r}")
+        return found
 
 
 class Scenario(Strict):
@@ -39,6 +56,13 @@ class Scenario(Strict):
     acceleration: Literal["exact", "backward-difference"] = "exact"
     """How z' is measured: the true one under the torque held until now, or (z_k - z_(k-1))/dt."""
 
+    def __init__(self, **fields: Any) -> None:
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            what = f"scenario {fields.get('name', '')!r}"
+            raise SpecError(f"{what}: {describe(Scenario, error)}") from error
+
     def disturbance(self, inertia: Array, random: np.random.Generator) -> Torque | None:
         """The sum of the disturbances for one run; None if there are none.
 
@@ -47,18 +71,17 @@ class Scenario(Strict):
             random: Where all randomness comes from.
 
         Raises:
-            UnknownNameError: If a disturbance's type is unknown.
-            SpecError: If one of its fields is wrong.
+            SpecError: If a disturbance does not fit the robot.
         """
         parts: list[Torque] = []
         # one generator for each, so that adding one does not change the others
         for source, own in zip(
             self.disturbances, random.spawn(len(self.disturbances)), strict=True
         ):
-            kind: Any = disturbances.get(source.type)
-            fields = dict(source.__pydantic_extra__ or {})
-            origin = f"scenario {self.name!r}: disturbance {source.type!r}"
-            parts.append(validate(kind, fields, origin).start(inertia, own))
+            try:
+                parts.append(source.resolved().start(inertia, own))
+            except SpecError as error:
+                raise SpecError(f"scenario {self.name!r}: {error}") from error
         if not parts:
             return None
 

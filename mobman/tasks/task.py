@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, runtime_checkable
+import dataclasses
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import UsageError
+from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap, task_map_for
 from mobman.registry import Registry
@@ -18,7 +20,7 @@ class Task(Protocol):
     """A desired trajectory of the tip; any object with this method is one.
 
     Optional attributes: ``period`` (s), where the path closes, for the metric of repeatability;
-    ``name``, for records.
+    ``duration`` (s), how long it is defined; ``name``, for records.
     """
 
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
@@ -42,18 +44,20 @@ def list_tasks() -> list[str]:
     return tasks.names()
 
 
-def make_task(name: str, robot: MobileManipulator, q0: Array | None = None) -> Task:
+def make_task(name: str, robot: MobileManipulator | str, q0: Array | None = None) -> Task:
     """A task by name.
 
     Args:
         name: One of :func:`list_tasks`.
-        robot: Who has to do it.
+        robot: Who has to do it; by name or object.
         q0: Where it starts; ``robot.q_rest`` by default.
 
     Raises:
         UnknownNameError: If no task has the name.
         UsageError: If q0 does not fit the robot.
     """
+    if isinstance(robot, str):
+        robot = load_robot(robot)
     return tasks.get(name)(robot, robot.q_rest if q0 is None else robot.checked_configuration(q0))
 
 
@@ -82,10 +86,21 @@ def task_map_of(task: Task) -> TaskMap:
             f"{task!r} is no task: it needs a method desired(t) -> (p_d, p_d', p_d'', p_d''')"
         )
     parts = task.desired(0.0)
-    shapes = [np.shape(part) for part in parts]
+    shapes = [np.shape(part) for part in parts] if isinstance(parts, (tuple, list)) else []
     if len(shapes) != 4 or len(set(shapes)) != 1 or len(shapes[0]) != 1:
         raise UsageError(
             f"desired(t) of {type(task).__name__} gave arrays of shapes {shapes}; needed: four "
             "vectors p_d, p_d', p_d'', p_d''' of one length"
         )
     return task_map_for(shapes[0][0])
+
+
+def task_parameters(task: Task) -> dict[str, Any]:
+    """What is known of a task beyond its name: its type, and its fields if it is a dataclass."""
+    if not dataclasses.is_dataclass(task) or isinstance(task, type):
+        return {"type": type(task).__name__}
+    fields = {field.name: getattr(task, field.name) for field in dataclasses.fields(task)}
+    plain = {
+        key: list(value) if isinstance(value, tuple) else value for key, value in fields.items()
+    }
+    return {"type": type(task).__name__, **plain}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from fractions import Fraction
+from itertools import product
 
 import pytest
 
@@ -52,7 +53,9 @@ REFUSED = [
     ("a", "automatic", "must be 'auto' or a number above 0"),
     ("A", 0.0, "0 < A <= lambda_min(B B^T) (54)"),
     ("A", "0.2", "must be 'auto' or a number above 0"),
-    ("A", [0.2, 0.2], "must be above 0"),
+    ("A", [0.2, 0.2], "must be one number"),
+    ("c", [2.0, 3.0], "must be one number"),
+    ("metric_scale", [1.0, 1.0], "must be one number"),
     ("lambda_0", 0.0, "above 0"),
     ("lambda_1", -11.0, "above 0"),
     ("lambda_2", [6.0, 6.0, 0.0, 6.0, 6.0], "above 0"),
@@ -82,8 +85,16 @@ def test_gain_that_theory_forbids_is_refused_with_the_reason(law, name, value, r
     assert caught.value.exit_status == 2
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, "6", None, True, [6.0, math.nan]])
-@pytest.mark.parametrize("name", ["c", "lambda_2", "Lambda_0", "w_5", "boundary_layer"])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *product(
+            ["c", "lambda_2", "Lambda_0", "w_5", "boundary_layer"],
+            [math.nan, math.inf, "6", None, True],
+        ),
+        *product(["lambda_2", "Lambda_0"], [[6.0, math.nan], [6.0, True]]),
+    ],
+)
 def test_what_is_no_finite_number_is_refused(name, value):
     with pytest.raises(GainError, match=rf"^{name} = .*finite number"):
         mm.make_controller("tsm", **{name: value})

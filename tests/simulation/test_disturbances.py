@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mobman.errors import SpecError, UnknownNameError
+from mobman.errors import SpecError
 from mobman.simulation.disturbances.disturbance import disturbances
 from mobman.simulation.scenario import Scenario
 
@@ -146,6 +146,6 @@ def test_wrong_parameters_are_told(source, named):
 
 def test_misspelt_kind_is_answered_with_the_nearest_name():
     with pytest.raises(
-        UnknownNameError, match="unknown disturbance type 'sinus'; did you mean 'sinusoid'"
+        SpecError, match="unknown disturbance type 'sinus'; did you mean 'sinusoid'"
     ):
         _start({"type": "sinus", "torque": 1.0})

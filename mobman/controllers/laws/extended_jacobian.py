@@ -10,7 +10,13 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.controllers.computed_torque import TrackingGains, computed_torque
 from mobman.controllers.criterion import posture_criterion
-from mobman.controllers.gains import Diagonal, as_settings, gain, require_positive
+from mobman.controllers.gains import (
+    Diagonal,
+    as_settings,
+    gain,
+    require_positive,
+    require_positive_diagonal,
+)
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_space import ExtendedTaskSpace
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -30,7 +36,7 @@ class ExtendedGains(TrackingGains):
         super().__post_init__()
         require_positive(self, "c_F")
         if self.K_F is not None:
-            require_positive(self, "K_F")
+            require_positive_diagonal(self, "K_F")
 
 
 class ExtendedJacobian:

@@ -18,7 +18,7 @@ _MARGIN = (
     0.1  # of the sampled minimum: what "auto" uses, since sampling sees the worst state rarely
 )
 _FLOOR = 1e-6  # below this, the samples are singular to the precision of the sampling
-_HORIZON = 10.0  # s: the part of the task that is sampled
+_HORIZON = 10.0  # s: the part that is sampled of a task that does not say how long it is
 _SEED = 20_240_607
 
 
@@ -26,16 +26,18 @@ def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Ar
     """Times and configurations that the task may lead through.
 
     The arm near its rest posture and inside its limits, any heading, and the platform where the tip
-    is above the desired point of a random time.
+    is above the desired point of a random time: within the task's ``duration`` or ``period`` if it
+    has one, else its first 10 s.
     """
     random = np.random.default_rng(_SEED)
+    horizon = getattr(task, "duration", None) or getattr(task, "period", None) or _HORIZON
     lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - _SPREAD)
     upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + _SPREAD)
     heading = robot.joint_names.index("base_theta") if "base_theta" in robot.joint_names else None
     position = [robot.joint_names.index(n) for n in ("base_x", "base_y") if n in robot.joint_names]
     states = []
     for _ in range(_SAMPLES):
-        t = random.uniform(0.0, _HORIZON)
+        t = random.uniform(0.0, horizon)
         q = robot.q_rest.copy()
         q[robot.arm_index] = random.uniform(lower, upper)[robot.arm_index]
         if heading is not None:

@@ -16,6 +16,7 @@ from mobman.controllers.gains import (
     require_choice,
     require_not_negative,
     require_positive,
+    require_positive_diagonal,
 )
 from mobman.controllers.sliding.bounds import actuation_bound, inertia_bound, jacobian_bound
 from mobman.controllers.sliding.discretization import DISCRETIZATIONS, Discretization
@@ -48,7 +49,7 @@ class SlidingGains(KinematicGains, DynamicGains):
         require_not_negative(self, "boundary_layer")
         require_choice(self, "discretization", DISCRETIZATIONS)
         if self.K_F is not None:
-            require_positive(self, "K_F")
+            require_positive_diagonal(self, "K_F")
 
 
 class CascadedSlidingControl:

@@ -19,6 +19,7 @@ from mobman.controllers.gains import (
     require_bound,
     require_not_negative,
     require_positive,
+    require_positive_diagonal,
 )
 from mobman.controllers.sliding.discretization import Discretization, sampled_unit_vector
 from mobman.controllers.sliding.signed_power import signed_power
@@ -48,7 +49,8 @@ class DynamicGains:
     beta_1: float = gain(0.0, "N m/s", "bound of |D'|, (18)")
 
     def __post_init__(self) -> None:
-        require_positive(self, "Lambda_0", "Lambda_1", "C_0")
+        require_positive_diagonal(self, "Lambda_0", "Lambda_1")
+        require_positive(self, "C_0")
         require_not_negative(self, "w_3", "w_4", "w_5", "w_6", "w_7", "w_8", "w_9")
         require_not_negative(self, "beta_0", "beta_1")
         require_at_least_one(self, "C", "Theorem 2")

@@ -16,6 +16,7 @@ from mobman.controllers.gains import (
     require_at_least_one,
     require_bound,
     require_positive,
+    require_positive_diagonal,
 )
 from mobman.controllers.sliding.discretization import Discretization, sampled_unit_vector
 from mobman.controllers.sliding.signed_power import signed_power
@@ -38,8 +39,8 @@ class KinematicGains:
     w_4k: float = gain(3.0, "1", "factor of |z|^3 in W, (34)")
 
     def __post_init__(self) -> None:
-        require_positive(self, "lambda_0", "lambda_1", "lambda_2", "c_0", "w_1", "w_2")
-        require_positive(self, "w_3k", "w_4k")
+        require_positive_diagonal(self, "lambda_0", "lambda_1", "lambda_2")
+        require_positive(self, "c_0", "w_1", "w_2", "w_3k", "w_4k")
         require_at_least_one(self, "c", "Theorem 1")
         require_bound(self, "a", "0 < a <= lambda_min(J J^T) (22)")
 

@@ -65,7 +65,8 @@ def circle_near_tip(robot: MobileManipulator, q0: Array) -> Circle:
     its inside: a driving base follows it within the arm's reach.
     """
     tip = np.asarray(robot.tip_pose(q0).translation)
-    heading = q0[robot.joint_names.index("base_theta")]
+    names = robot.joint_names
+    heading = float(q0[names.index("base_theta")]) if "base_theta" in names else 0.0
     ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
     left = np.array([-math.sin(heading), math.cos(heading), 0.0])
     centre = tip + _GAP * ahead + _RADIUS * left

@@ -13,7 +13,7 @@ class Steps(Amplitude):
     """Levels at random between minus and plus the amplitude, a new one on every motor's axis at each
     ``interval``; 0 before the first."""
 
-    interval: float = Field(gt=0)
+    interval: float = Field(ge=1e-3)
     """s."""
 
     def start(self, inertia: Array, random: np.random.Generator) -> Torque:

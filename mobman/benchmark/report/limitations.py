@@ -1,0 +1,88 @@
+"""What the numbers of a report do not say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mobman.benchmark.report.cells import unique
+from mobman.benchmark.report.content import ReportedRun
+
+_IMPLICIT = (
+    "The implicit form of the sliding laws is this framework's, not the paper's. Inside the unit ball "
+    "its unit vector is the equivalent control: a linear solve at every tick with J and the nominal "
+    "inertia M, bounded by the ball. The paper's continuous law needs only the transposes of J and B "
+    "and bounds of norms. So the figures show what the paper's law does when it is sampled this way, "
+    "and not that transposes and bounds are enough for a sampled controller."
+)
+_EXPLICIT = (
+    "The explicit discretisation is the law as printed, sampled at the same period. It chatters or "
+    "diverges, and is shown for comparison: it is not a fair picture of the continuous law."
+)
+_ZERO_BETA = (
+    "The sliding laws' gains claim that there are no disturbances (beta_0 = beta_1 = 0, as in the "
+    "paper), and their constants w_i are the paper's rough values for its youBot, on other robots too. "
+    "Runs under disturbances or with other masses are outside of what these bounds cover."
+)
+_BASELINES = (
+    "No controller was tuned for this comparison. The baselines' gains are fixed, and so are "
+    "the sliding laws', but the effort that went into choosing them was not equal. The comparison is "
+    "one of these laws with these gains, not of the best that each can do. The baselines are "
+    "computed-torque laws without integral action or adaptation: they are told nothing of "
+    "the wrong masses either, and have nothing against them by design."
+)
+_EXACT = (
+    "The acceleration z' is measured without error, as if from a perfect sensor. The sliding laws "
+    "use it, the baselines do not; this is an advantage that a real robot would not give."
+)
+_IDEAL = (
+    "Everything else that is measured is exact too; motors give the torque that they are told, at "
+    "once and without limit; joints have no friction, links and tyres no compliance. Errors of 1e-9 m "
+    "are statements on the law and on the simulation, not on any robot."
+)
+_WHEELS = (
+    "Wheels roll without slip on a plane. The reduced model satisfies A(x) x' = 0 by construction, so "
+    "that a small constraint residual is no evidence of grip."
+)
+_YOUBOT = (
+    "The youBot's masses and kinematics are the paper's; inertias that the paper does not "
+    "print are partly approximate. Expect the paper's picture, not its digits."
+)
+_AUTO = (
+    'Where a gain is "auto" (a, A), it is a bound found by sampling configurations near the task, '
+    "with a margin: likely, but not proven."
+)
+_START = (
+    "Each robot starts from one configuration, at rest, and follows one path: nothing here says "
+    "how large the set of good starts is."
+)
+_STEADY = (
+    "The steady part is the last 30 % of a run. A law that is still converging there is judged "
+    "by where it has come to."
+)
+
+
+def limitations_of(runs: Sequence[ReportedRun]) -> list[str]:
+    """The limitations of a report on these runs, the weightiest first."""
+    implicit = any(run.record.settings.get("discretization") == "implicit" for run in runs)
+    sliding = [run for run in runs if "discretization" in run.record.settings]
+    found = [_IMPLICIT] if implicit else []
+    found += [_EXPLICIT] if any(run.explicit for run in runs) else []
+    found.append(_BASELINES)
+    found += [_EXACT] if any(_acceleration(run) == "exact" for run in sliding) else []
+    if any(run.record.settings.get("beta_0") == 0.0 for run in sliding):
+        found.append(_ZERO_BETA)
+    found += [_IDEAL, _WHEELS]
+    found += [_YOUBOT] if any(run.record.robot == "youbot" for run in runs) else []
+    found += [_AUTO] if sliding else []
+    seeds = unique([run.record.seed for run in runs])
+    if len(seeds) == 1:
+        found.append(
+            f"One seed ({seeds[0]}): where a scenario has randomness, this is one draw of it, and "
+            "there is no statement on spread."
+        )
+    return [*found, _START, _STEADY]
+
+
+def _acceleration(run: ReportedRun) -> str:
+    scenario = run.record.spec.get("scenario")
+    return str(scenario.get("acceleration", "")) if isinstance(scenario, dict) else ""

@@ -1,0 +1,69 @@
+"""What made the results: versions, and the machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mobman.benchmark.report.cells import unique
+from mobman.benchmark.report.content import ReportedRun
+from mobman.benchmark.report.format import UNDEFINED, count
+from mobman.benchmark.report.table import Row, Table, text
+
+
+@dataclass(frozen=True)
+class Versions:
+    """Of everything whose numbers are in the runs."""
+
+    table: Table
+    warning: str
+    """Says where runs of different versions are mixed; empty if none are."""
+
+
+def versions_of(runs: Sequence[ReportedRun]) -> Versions:
+    """The versions in the runs' records."""
+    known = {name for run in runs for name in run.record.versions}
+    first = {"mobman", "python"} & known
+    names = sorted(first) + sorted(known - first)
+    rows, mixed = [], []
+    for name in names:
+        found = [run.record.versions.get(name, "unknown") for run in runs]
+        different = unique(found)
+        if len(different) > 1:
+            mixed.append(name)
+            shown = ", ".join(f"{v} ({count(found.count(v), 'run')})" for v in different)
+        else:
+            shown = different[0]
+        rows.append(Row(text(name), [text(shown, "bad" if len(different) > 1 else "")]))
+    warning = (
+        f"Runs of different versions are mixed ({', '.join(mixed)}): they are not strictly comparable. "
+        "Run the suite anew to have one."
+        if mixed
+        else ""
+    )
+    return Versions(Table("Versions", [text("of"), text("version")], rows), warning)
+
+
+def machine_table() -> Table:
+    """The machine that writes the report."""
+    facts = {
+        "processor": _processor(),
+        "architecture": platform.machine() or UNDEFINED,
+        "logical cores": str(os.cpu_count() or UNDEFINED),
+        "system": f"{platform.system()} {platform.release()}".strip() or UNDEFINED,
+    }
+    rows = [Row(text(name), [text(value)]) for name, value in facts.items()]
+    return Table("Machine that wrote this report", [text("of"), text("value")], rows)
+
+
+def _processor() -> str:
+    try:  # where there is such a file, it says more than `platform`
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or UNDEFINED
