@@ -46,7 +46,7 @@ def build_robot(spec: RobotSpec) -> MobileManipulator:
     urdf = urdf_of(spec)
     platform = _platform(spec, urdf)
     tree = _parse(spec, flat_urdf(urdf, platform.root_offset))
-    locked = _locked(spec, tree)
+    locked = _locked(spec, urdf, tree)
     model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", spec.rest))
     if not model.existFrame(spec.arm.tip):
         raise SpecError(
@@ -83,7 +83,7 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
     _, reduced = pin.buildReducedModel(
         tree,
         models,
-        _locked(spec, tree),
+        _locked(spec, urdf, tree),
         _named_values(spec, tree, "rest", spec.rest),
     )
     return Geometry(visual=reduced[0], collision=reduced[1])
@@ -106,7 +106,7 @@ def _parse(spec: RobotSpec, xml: str) -> pin.Model:
         raise SpecError(f"robot {spec.name!r}: Pinocchio refuses the URDF: {error}") from error
 
 
-def _locked(spec: RobotSpec, tree: pin.Model) -> list[int]:
+def _locked(spec: RobotSpec, urdf: UrdfFile, tree: pin.Model) -> list[int]:
     """Indices of the joints that the description locks."""
     names = [name for name in tree.names[1:] if name not in BASE_JOINTS]
     locked: set[str] = set()
@@ -118,6 +118,16 @@ def _locked(spec: RobotSpec, tree: pin.Model) -> list[int]:
                 f"the URDF has: {', '.join(names)}"
             )
         locked |= matching
+    mimic = {
+        str(joint.get("name"))
+        for joint in urdf.parse().findall("joint")
+        if joint.find("mimic") is not None
+    }
+    if free := mimic & set(names) - locked:
+        raise SpecError(
+            f"robot {spec.name!r}: the joints {', '.join(sorted(free))} follow others (<mimic>), which "
+            "a motor for each joint does not allow; lock them in field 'urdf.lock'"
+        )
     driven = locked & {
         value for value in spec.platform.parameters.values() if isinstance(value, str)
     }

@@ -14,11 +14,15 @@ import numpy as np
 import pytest
 from support.suites import small_suite
 
+import mobman as mm
 from mobman.benchmark.runner import run_suite
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
+from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError
+from mobman.robots import catalogue
 from mobman.simulation.record import load_record
+from mobman.simulation.temporary import temporary_beside
 
 pytestmark = pytest.mark.xdist_group("runner")
 
@@ -168,3 +172,72 @@ def test_run_spec_says_which_run_it_is(done):
     run = suite.runs()[0]
     assert str(run) == "youbot · circle · nominal · pseudo-inverse · seed 0"
     assert replace(run, label="x").run_id == run.run_id
+
+
+class Killer:
+    """A controller that takes its process with it."""
+
+    def reset(self, robot, task, dt):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def step(self, t, q, z, z_dot):
+        return 0.0 * z
+
+
+def test_a_run_that_kills_its_process_costs_itself_only(tmp_path, monkeypatch):
+    mm.list_controllers()  # so that what is there is found before, and this alone goes after
+    monkeypatch.setitem(controllers._items, "killer", Killer)
+    path = small_suite(tmp_path)
+    text = path.read_text().replace("damped-least-squares", "killer").replace("mu = 0.02", "")
+    path.write_text(text)
+    suite = load_suite(path)
+    summary = run_suite(suite, tmp_path / "results", workers=2)
+    assert len(summary.outcomes) == 8
+    assert {outcome.run.law for outcome in summary.failed} == {"killer"}
+    assert all("was killed" in outcome.message for outcome in summary.failed)
+    store = Store(tmp_path / "results")
+    assert all(store.record(run).ok for run in suite.runs() if run.law == "pseudo-inverse")
+
+
+def test_workers_use_the_robot_that_is_registered_here(tmp_path, monkeypatch):
+    spec = mm.load_robot("youbot").spec
+    changed = spec.model_copy(update={"name": "mine", "rest": {**spec.rest, "y_2": 0.3}})
+    monkeypatch.setitem(catalogue._registered, "mine", changed)
+    path = small_suite(tmp_path)
+    path.write_text(path.read_text().replace('"youbot"', '"mine"'))
+    suite = replace_seeds(load_suite(path), [0])
+    assert not run_suite(suite, tmp_path / "results", workers=1).failed
+    record = Store(tmp_path / "results").record(suite.runs()[0])
+    assert record.q[0, record.joint_names.index("y_2")] == 0.3
+
+
+def test_a_repeated_call_keeps_the_time_of_the_runs(done):
+    suite, folder, _ = done
+    before = Store(folder).timing
+    run_suite(suite, folder, workers=1)
+    assert Store(folder).timing == before
+    assert before[0] > 0.0
+
+
+@pytest.mark.parametrize("content", ["[]", "null", '{"schema_version": 1}', "{"])
+def test_spoilt_suite_file_is_told_plainly(tmp_path, content):
+    (tmp_path / "suite.json").write_text(content)
+    with pytest.raises(MobmanError, match=r"suite\.json"):
+        Store(tmp_path).runs  # noqa: B018
+
+
+def test_another_machines_temporary_file_is_left_alone(done):
+    suite, folder, _ = done
+    here = temporary_beside(folder / "runs" / "x.h5")
+    name = here.name.replace(f".{os.getpid()}.", ".1999999999.")
+    dead, elsewhere = folder / "runs" / name, folder / "runs" / ".x.h5.elsewhere.1.0.tmp"
+    for file in (here, dead, elsewhere):
+        file.touch()
+    try:
+        run_suite(suite, folder, workers=1)
+        assert not dead.exists()
+        assert here.exists()
+        assert elsewhere.exists()
+    finally:
+        here.unlink()
+        elsewhere.unlink()

@@ -91,3 +91,28 @@ def test_not_toml_names_the_file(tmp_path):
     path.write_text(SMALL[:40] + "[[[")
     with pytest.raises(SpecError, match=r"broken\.toml is not valid TOML"):
         read_toml(path, "suite file")
+
+
+def test_two_labels_for_one_run_are_refused(tmp_path):
+    path = small_suite(tmp_path)
+    path.write_text(
+        path.read_text().replace("damped-least-squares", "pseudo-inverse").replace("mu = 0.02", "")
+    )
+    with pytest.raises(SpecError, match="'pseudo-inverse' and 'damped' are the same run"):
+        load_suite(path).runs()
+
+
+def test_writing_a_default_out_does_not_change_the_run(tmp_path):
+    path = small_suite(tmp_path)
+    before = {run.run_id for run in load_suite(path).runs()}
+    path.write_text(path.read_text().replace("mu = 0.02", "mu = 0.02, Kp = 25.0"))
+    assert {run.run_id for run in load_suite(path).runs()} == before
+
+
+def test_gains_for_a_label_that_is_not_there_are_refused(tmp_path):
+    path = small_suite(tmp_path)
+    path.write_text(
+        path.read_text() + 'controllers = ["damped"]\ngains = { pseudo-inverse = { K_p = 9.0 } }\n'
+    )
+    with pytest.raises(SpecError, match="gains for 'pseudo-inverse', which is not among"):
+        load_suite(path).runs()

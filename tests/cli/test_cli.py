@@ -164,3 +164,17 @@ def test_report_of_nothing_is_refused(tmp_path):
     done = mobman("bench", "report", str(tmp_path))
     assert done.returncode == 1
     assert "holds no results" in done.stderr
+
+
+@pytest.mark.parametrize("arguments", ["robots", "robots --json", "robots show youbot"])
+def test_a_reader_that_has_enough_is_no_error(arguments):
+    command = f"{sys.executable} -m mobman {arguments} | true; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0
+    assert done.stderr == ""
+
+
+def test_names_with_brackets_are_printed_as_they_are(tmp_path):
+    path = tmp_path / "run[b].h5"
+    done = mobman("run", "youbot", "--duration", "0.02", "-o", str(path))
+    assert f"record: {path}" in done.stdout

@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 
 import mobman as mm
-from mobman.benchmark.runner import perform
-from mobman.benchmark.store import Store
+from mobman.benchmark.runner import run_suite
 from mobman.benchmark.suite import Suite
 from mobman.controllers.protocol import controllers
 from mobman.simulation.disturbances.disturbance import disturbances
@@ -120,11 +119,7 @@ def _small_results(folder: Path) -> None:
             "groups": [{"robots": ["youbot"], "tasks": ["paper"]}],
         }
     )
-    store = Store(folder)
-    store.begin(suite, suite.runs())
-    for run in suite.runs():
-        perform(run, store.path(run))
-    store.finish(0.0, 1, [])
+    run_suite(suite, folder, workers=1)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

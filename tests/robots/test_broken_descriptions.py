@@ -184,3 +184,19 @@ def test_bad_urdf_is_named(what, tmp_path):
     with pytest.raises(SpecError) as caught:
         mm.load_robot(youbot_with_urdf(tmp_path, text))
     assert "changed.urdf" in str(caught.value) or "'youbot'" in str(caught.value)
+
+
+def test_joint_that_follows_another_must_be_locked(tmp_path):
+    text = (ROBOTS / "youbot.urdf").read_text()
+    limit = '<limit lower="-2.5482"'
+    assert limit in text
+    (tmp_path / "a.urdf").write_text(text.replace(limit, '<mimic joint="y_2"/>' + limit))
+    with pytest.raises(SpecError, match="y_3 follow others"):
+        mm.load_robot({**description(urdf__path="a.urdf"), "folder": tmp_path})
+    held = {**description(urdf__path="a.urdf", urdf__lock=["y_3"]), "folder": tmp_path}
+    assert mm.load_robot(held).nz == 4
+
+
+def test_tip_that_the_arm_does_not_move_is_refused():
+    with pytest.raises(SpecError, match="'wheel_1', which no joint of the arm moves"):
+        mm.load_robot(description(arm__tip="wheel_1"))

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.runs import Torque
-from support.variants import ROBOTS
+from support.variants import ROBOTS, description
 
 import mobman as mm
 from mobman.errors import SpecError, UnknownNameError, UsageError
@@ -193,3 +193,12 @@ def test_record_says_how_to_repeat_the_run(youbot):
     assert {"mobman", "python", "numpy", "pin"} <= set(record.versions)
     assert record.versions["numpy"] == np.__version__
     assert record.created.endswith("+00:00")
+
+
+def test_robot_without_redundancy_runs_under_every_law():
+    """l + n = m + k: the extended task is the tip's alone."""
+    robot = mm.load_robot(description(urdf__lock=["y_1", "y_3"]))
+    assert robot.nz == 3
+    for law in mm.list_controllers():
+        record = mm.simulate(robot, law, "circle", duration=0.05)
+        assert record.auxiliary_error.shape == (51, 0), law
