@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from mobman.errors import SpecError
+from mobman.errors import SpecError, UnknownNameError
 
 
 class Strict(BaseModel):
@@ -18,6 +20,25 @@ class Strict(BaseModel):
 
 
 M = TypeVar("M", bound=BaseModel)
+
+
+def named_file(what: str, name_or_path: str | os.PathLike[str], files: Mapping[str, Path]) -> Path:
+    """The file that a name or a path means; what ends in ``.toml`` or has a separator is a path.
+
+    Args:
+        what: What the files describe, for messages.
+        name_or_path: As the user gave it.
+        files: Those that have names.
+
+    Raises:
+        UnknownNameError: If it is a name that is not there.
+    """
+    text = os.fspath(name_or_path)
+    if text in files:
+        return files[text]
+    if text.endswith(".toml") or os.sep in text:
+        return Path(text)
+    raise UnknownNameError(what, text, files)
 
 
 def read_toml(path: Path, what: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from mobman.robots.catalogue import find_spec
 from mobman.robots.urdf import urdf_of
 from mobman.simulation.scenario import load_scenario
 from mobman.tasks.task import make_task, task_parameters, tasks
-from mobman.toml_model import Strict, read_toml, validate
+from mobman.toml_model import Strict, named_file, read_toml, validate
 from mobman.version import __version__
 
 
@@ -191,14 +191,7 @@ def load_suite(name_or_path: str | os.PathLike[str]) -> Suite:
         UnknownNameError: If there is no such name.
         SpecError: If the file is not valid.
     """
-    text = os.fspath(name_or_path)
-    files = _files()
-    if text in files:
-        path = files[text]
-    elif text.endswith(".toml") or os.sep in text:
-        path = Path(text)
-    else:
-        raise UnknownNameError("suite", text, files)
+    path = named_file("suite", name_or_path, _files())
     return validate(Suite, read_toml(path, "suite file"), str(path))
 
 

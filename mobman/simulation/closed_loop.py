@@ -13,25 +13,33 @@ from typing import Any
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.protocol import Controller, make_controller
-from mobman.errors import SingularityError, UnknownNameError, UsageError
+from mobman.controllers.protocol import Controller
+from mobman.errors import SingularityError, UsageError
 from mobman.model.build import load_robot
 from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import auxiliary_coordinates
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.simulation.accelerometer import Accelerometer
+from mobman.simulation.arguments import (
+    checked_seed,
+    plant_name,
+    resolved_controller,
+    resolved_plant,
+    resolved_scenario,
+    seconds,
+    whole_ticks,
+)
 from mobman.simulation.integrator import State, rk4_step
 from mobman.simulation.metrics.metric import Run, compute_metrics
-from mobman.simulation.plant import Plant, true_robot
+from mobman.simulation.plant import Plant
 from mobman.simulation.provenance import versions
 from mobman.simulation.record import OWN_PLACES, Record
-from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
+from mobman.simulation.scenario import Scenario
 from mobman.tasks.criteria.posture import Posture
 from mobman.tasks.task import Task, make_task, task_map_of, task_parameters
 
 _LARGEST_STEP = 1e-3  # s: the plant's integration step is at most this
-_MOST_TICKS = 10_000_000  # a record of so many fits in memory
 _FASTEST = 1e4  # 1/s or m/s: a reduced velocity beyond it has diverged
 _FARTHEST = 1e3  # m: a task error beyond it has diverged
 
@@ -75,27 +83,14 @@ def simulate(
     """
     if not isinstance(robot, MobileManipulator):
         robot = load_robot(robot)
-    if isinstance(controller, str):
-        controller = make_controller(controller)
-    elif isinstance(controller, type) or not isinstance(controller, Controller):
-        raise UsageError(
-            f"{controller!r} is no controller: it needs reset(robot, task, dt) and "
-            "step(t, q, z, z_dot) -> torque"
-        )
-    duration, dt = _seconds("duration", duration), _seconds("dt", dt)
-    ticks = round(duration / dt)
-    if not 1 <= ticks <= _MOST_TICKS:
-        raise UsageError(
-            f"duration = {duration:g} s at dt = {dt:g} s is {duration / dt:.3g} ticks; allowed: 1 to "
-            f"{_MOST_TICKS:g}"
-        )
-    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
-        raise UsageError(f"seed = {seed!r}: must be a whole number from 0 to 2^63 - 1")
-    seed = int(seed)
+    controller = resolved_controller(controller)
+    duration, dt = seconds("duration", duration), seconds("dt", dt)
+    ticks = whole_ticks(duration, dt)
+    seed = checked_seed(seed)
     start = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
     task = make_task(task, robot, start) if isinstance(task, str) else task
-    resolved = _scenario(scenario)
-    true = _true_robot(robot, plant, resolved)
+    resolved = resolved_scenario(scenario)
+    true = resolved_plant(robot, plant, resolved)
     task_map = task_map_of(task)
     if robot.nz < task_map.m:
         raise UsageError(
@@ -123,7 +118,7 @@ def simulate(
         "task": record.task,
         "task_parameters": task_parameters(task),
         "scenario": resolved.model_dump(mode="json"),
-        "plant": _plant_name(plant),
+        "plant": plant_name(plant),
         "plant_masses": [float(link.mass) for link in list(true.model.inertias)[1:]],
         "duration": duration,
         "dt": dt,
@@ -344,59 +339,11 @@ def _divergence(q: Array, z: Array, error: Array) -> str:
     return ""
 
 
-def _seconds(name: str, value: float) -> float:
-    try:
-        seconds = float(value)
-    except (TypeError, ValueError):
-        seconds = math.nan
-    if isinstance(value, str) or not (math.isfinite(seconds) and seconds > 0.0):
-        raise UsageError(f"{name} = {value!r}: must be a number above 0 (s)")
-    return seconds
-
-
 def _as_torque(torque: Any) -> Array:
     try:
         return np.array(torque, dtype=float)
     except (TypeError, ValueError) as error:
         raise UsageError(f"the controller's torque is {torque!r}: it must be numbers") from error
-
-
-def _scenario(scenario: Scenario | str | os.PathLike[str] | None) -> Scenario:
-    if isinstance(scenario, Scenario):
-        return scenario
-    if scenario is not None and not isinstance(scenario, (str, os.PathLike)):
-        raise UsageError(f"scenario = {scenario!r}: must be a scenario, its name or its file")
-    return load_scenario("nominal" if scenario is None else scenario)
-
-
-def _true_robot(
-    robot: MobileManipulator,
-    plant: MobileManipulator | Scenario | str | os.PathLike[str] | None,
-    scenario: Scenario,
-) -> MobileManipulator:
-    base, changes = robot, scenario
-    if isinstance(plant, MobileManipulator):
-        if plant.joint_names != robot.joint_names:
-            raise UsageError(f"the plant {plant.name!r} has other joints than {robot.name!r}")
-        base = plant
-    elif isinstance(plant, Scenario):
-        changes = plant
-    elif isinstance(plant, (str, os.PathLike)):
-        text = os.fspath(plant)
-        if text not in list_scenarios() and not text.endswith(".toml"):
-            raise UnknownNameError("plant", text, list_scenarios())
-        changes = load_scenario(text)
-    elif plant is not None:
-        raise UsageError(
-            f"plant = {plant!r}: must be a robot, a scenario, a scenario's name or its file"
-        )
-    return true_robot(base, changes.mass_factor, changes.inertia_factor, changes.payload)
-
-
-def _plant_name(plant: MobileManipulator | Scenario | str | os.PathLike[str] | None) -> str | None:
-    if plant is None or isinstance(plant, (str, os.PathLike)):
-        return None if plant is None else os.fspath(plant)
-    return plant.name
 
 
 def _name_of(thing: object) -> str:

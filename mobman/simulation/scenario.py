@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from mobman.arrays import Array
-from mobman.errors import SpecError, UnknownNameError
+from mobman.errors import SpecError
 from mobman.simulation.disturbances.disturbance import Disturbance, Torque, disturbances
-from mobman.toml_model import Strict, describe, read_toml, validate
+from mobman.toml_model import Strict, describe, named_file, read_toml, validate
 
 
 class DisturbanceSource(Strict):
@@ -106,14 +106,7 @@ def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
         UnknownNameError: If there is no such name.
         SpecError: If the file is not valid.
     """
-    text = os.fspath(name_or_path)
-    files = _files()
-    if text in files:
-        path = files[text]
-    elif text.endswith(".toml") or os.sep in text:
-        path = Path(text)
-    else:
-        raise UnknownNameError("scenario", text, files)
+    path = named_file("scenario", name_or_path, _files())
     return validate(Scenario, read_toml(path, "scenario file"), str(path))
 
 

@@ -310,7 +310,8 @@ def test_any_record_can_be_drawn(tmp_path, n):
     odd.auxiliary_error[:] = np.nan
     odd.torque[:] = np.nan
     odd.metrics.clear()
-    write_report(tmp_path, SUITE, [run("odd", odd), run("ended", diverged())])
+    files = write_report(tmp_path, SUITE, [run("odd", odd), run("ended", diverged())])
+    assert files.html.read_text(encoding="utf-8").count("<svg") >= 3
 
 
 def test_what_the_user_set_of_matplotlib_stays(tmp_path):

@@ -78,6 +78,7 @@ class Differential(Platform):
 
     @classmethod
     def build(cls, parameters: dict[str, Any], tree: pin.Model, origin: str) -> Differential:
+        """See :meth:`Platform.build`; the wheels say where the axle is, and which way they roll."""
         given = validate(DifferentialParameters, parameters, f"{origin}: [platform]")
         right, left = (
             _wheel(tree, name, f"{origin}: field 'platform.{side}'")
@@ -102,6 +103,7 @@ class Differential(Platform):
         )
 
     def constraint_matrix(self, x: Array) -> Array:
+        """A of (6), with a = 0 of (2), shape (3, 5)."""
         # (2) and (6): no lateral slip, no longitudinal slip of the right and the left wheel
         c, s, r, w = math.cos(x[2]), math.sin(x[2]), self.radius, self.half_track
         right, left = self.signs
@@ -114,11 +116,13 @@ class Differential(Platform):
         )
 
     def constraint_matrix_rate(self, x: Array, x_dot: Array) -> Array:
+        """dA/dt, shape (3, 5); only the heading changes it."""
         turning = float(x_dot[2])
         c, s = math.cos(x[2]) * turning, math.sin(x[2]) * turning
         return np.array([[c, s, 0.0, 0.0, 0.0], [-s, c, 0.0, 0.0, 0.0], [-s, c, 0.0, 0.0, 0.0]])
 
     def velocity_map(self, x: Array) -> Array:
+        """N of (7) times kappa, shape (5, 2)."""
         # (7) with alpha scaled by kappa
         c, s, a, w = math.cos(x[2]), math.sin(x[2]), self.offset, self.half_track
         y_right, y_left = self._y
@@ -133,6 +137,7 @@ class Differential(Platform):
         )
 
     def velocity_map_rate(self, x: Array, x_dot: Array) -> Array:
+        """dN/dt, shape (5, 2)."""
         turning = float(x_dot[2])
         c, s = math.cos(x[2]) * turning, math.sin(x[2]) * turning
         a, w = self.offset, self.half_track
@@ -148,6 +153,7 @@ class Differential(Platform):
         )
 
     def constraint_hessian(self, x: Array, multiplier: Array) -> Array:
+        """d(A^T lam)/dx, shape (5, 5): its column of theta alone."""
         hessian = np.zeros((5, 5))
         c, s = math.cos(x[2]), math.sin(x[2])
         lateral, forward = multiplier[0], multiplier[1] + multiplier[2]
@@ -156,6 +162,7 @@ class Differential(Platform):
         return hessian
 
     def constraint_hessian_rate(self, x: Array, x_dot: Array, multiplier: Array) -> Array:
+        """d/dt of the same, shape (5, 5)."""
         rate = np.zeros((5, 5))
         now = self.constraint_hessian(x, multiplier)
         rate[0, 2] = -now[1, 2] * x_dot[2]
@@ -164,6 +171,7 @@ class Differential(Platform):
 
     @property
     def actuation(self) -> Array:
+        """B'': the motors turn the wheels, shape (5, 2)."""
         selection = np.zeros((5, 2))
         selection[3, 0] = selection[4, 1] = 1.0
         return selection

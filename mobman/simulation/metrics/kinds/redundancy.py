@@ -27,6 +27,7 @@ def criterion_final(run: Run) -> float:
 
 @metric("lambda_min", "1", "least lambda_min(J J^T), extended Jacobian, every 10 ms", "higher")
 def lambda_min(run: Run) -> float:
+    """0 where the run met a kinematic singularity."""
     every = max(1, round(_PERIOD / run.dt))
     least = math.inf
     complement = None
@@ -47,6 +48,7 @@ def lambda_min(run: Run) -> float:
     "for runs shorter than a period",
 )
 def repeatability(run: Run) -> float:
+    """Between ticks the posture is interpolated, since a period is no whole number of them."""
     period = getattr(run.task, "period", None)
     if period is None or not run.completed or run.duration < period:
         return math.nan
