@@ -49,9 +49,10 @@ def build_robot(spec: RobotSpec) -> MobileManipulator:
     locked = _locked(spec, urdf, tree)
     model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", spec.rest))
     if not model.existFrame(spec.arm.tip):
+        links = ", ".join(str(link.get("name")) for link in urdf.parse().findall("link"))
         raise SpecError(
-            f"robot {spec.name!r}: field 'arm.tip' is {spec.arm.tip!r}, which is no link of the "
-            f"URDF; its links: {', '.join(f.name for f in model.frames if f.type == pin.BODY)}"
+            f"robot {spec.name!r}: field 'arm.tip' is {spec.arm.tip!r}, which is no link of "
+            f"{urdf.path}; its links: {links}"
         )
     robot = MobileManipulator(
         spec=spec,
@@ -200,7 +201,7 @@ def _checked(robot: MobileManipulator) -> MobileManipulator:
     inertia = robot.dynamics(robot.q_rest, np.zeros(robot.nz)).M
     if not np.all(np.isfinite(inertia)) or np.linalg.eigvalsh(inertia)[0] <= 0:
         raise SpecError(
-            f"{where}: the reduced inertia M is not positive definite at rest; check the URDF's "
-            "<inertial> elements"
+            f"{where}: the reduced inertia M is not positive definite at rest; check the <inertial> "
+            f"elements of {robot.urdf.path}"
         )
     return robot

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import sysconfig
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
@@ -101,7 +102,7 @@ def flat_urdf(urdf: UrdfFile, root_offset: Iterable[float]) -> str:
 
     Raises:
         SpecError: If the file cannot be parsed, has not exactly one root link, or a joint of a type
-            that is not allowed.
+            or a mass that is not allowed.
     """
     robot = urdf.parse()
     for joint in robot.findall("joint"):
@@ -123,6 +124,7 @@ def flat_urdf(urdf: UrdfFile, root_offset: Iterable[float]) -> str:
                 limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
             limit.set("lower", "-" + _UNBOUNDED)
             limit.set("upper", _UNBOUNDED)
+    _check_masses(urdf, robot)
     parent = "world_of_mobman"
     ET.SubElement(robot, "link", name=parent)
     root = _root_link(urdf, robot, ignoring=parent)
@@ -144,6 +146,23 @@ def flat_urdf(urdf: UrdfFile, root_offset: Iterable[float]) -> str:
     ET.SubElement(mount, "child", link=root)
     ET.SubElement(mount, "origin", xyz=" ".join(repr(float(value)) for value in root_offset))
     return ET.tostring(robot, encoding="unicode")
+
+
+def _check_masses(urdf: UrdfFile, robot: ET.Element) -> None:
+    for link in robot.findall("link"):
+        mass = link.find("inertial/mass")
+        if mass is None:
+            continue
+        text = mass.get("value", "")
+        try:
+            allowed = 0.0 <= float(text) < math.inf
+        except ValueError:
+            allowed = False
+        if not allowed:
+            raise SpecError(
+                f"{urdf.path}: link {link.get('name')!r}: its mass is {text!r}; allowed: a number, "
+                "0 or more (kg)"
+            )
 
 
 def _root_link(urdf: UrdfFile, robot: ET.Element, ignoring: str) -> str:

@@ -200,3 +200,19 @@ def test_joint_that_follows_another_must_be_locked(tmp_path):
 def test_tip_that_the_arm_does_not_move_is_refused():
     with pytest.raises(SpecError, match="'wheel_1', which no joint of the arm moves"):
         mm.load_robot(description(arm__tip="wheel_1"))
+
+
+@pytest.mark.parametrize("mass", ["-2.496", "nan", "inf", "heavy", ""])
+def test_mass_that_cannot_be_names_its_link(tmp_path, mass):
+    text = (ROBOTS / "youbot.urdf").read_text()
+    (tmp_path / "a.urdf").write_text(text.replace('<mass value="2.496"', f'<mass value="{mass}"'))
+    with pytest.raises(SpecError) as caught:
+        mm.load_robot({**description(urdf__path="a.urdf"), "folder": tmp_path})
+    for part in ("a.urdf", "'arm_3'", repr(mass), "0 or more"):
+        assert part in str(caught.value)
+
+
+def test_links_that_are_offered_as_tips_are_those_of_the_urdf():
+    with pytest.raises(SpecError, match="its links: platform, wheel_1") as caught:
+        mm.load_robot(description(arm__tip="tpi"))
+    assert "base_x_link" not in str(caught.value)

@@ -111,7 +111,7 @@ def test_missing_file(tmp_path):
 
 
 def test_folder(tmp_path):
-    _refused(tmp_path)
+    assert "there is no record" in _refused(tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"", b"t,q\n0,1\n", b"\x89HDF\r\n\x1a\n" + b"\x00" * 50])
@@ -135,7 +135,7 @@ def test_damaged_samples(file):
     damaged = bytearray(file.read_bytes())
     damaged[chunk.byte_offset : chunk.byte_offset + chunk.size] = b"\xff" * chunk.size
     file.write_bytes(damaged)
-    _refused(file)
+    assert "run.h5" in _refused(file)
 
 
 def test_hdf5_file_of_something_else(tmp_path):
