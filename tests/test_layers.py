@@ -17,7 +17,7 @@ LAYERS = [
     {"controllers"},
     {"tasks"},
     {"model"},
-    {"robots"},
+    {"robots", "kernels"},
 ]
 RANK = {name: len(LAYERS) - i for i, layer in enumerate(LAYERS) for name in layer}
 # What all layers stand on: errors, registry, arrays, ...

@@ -1,0 +1,43 @@
+"""The decorator of kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
+
+from mobman.kernels.cache import KernelCache
+
+# Sums may be reordered and fused, which lets them use the vector units; nothing else that could
+# change a result by more than rounding is allowed.
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract"},
+    "_nrt": False,  # no reference counts: what would allocate does not compile
+}
+
+KERNELS: list[Any] = []
+"""All that were decorated, in order."""
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function at its first call, and keep the machine code for later processes.
+
+    The function writes into arrays that it is given, allocates nothing, and returns None, a number,
+    or a status: 0, or what went wrong. A division by 0 gives inf or NaN. As a step of a program, its
+    parameters are annotated by the names of :mod:`mobman.arrays`, by ``int`` or by ``float``.
+    """
+    compiled: Any = numba.njit(no_cfunc_wrapper=True, **OPTIONS)(function)
+    if is_compiled(compiled):
+        compiled._cache = KernelCache(function)
+        KERNELS.append(compiled)
+    result: Function = compiled
+    return result
+
+
+def is_compiled(function: object) -> bool:
+    """Whether a function is machine code to be: a kernel, and compilation is not switched off."""
+    return isinstance(function, numba.core.registry.CPUDispatcher)

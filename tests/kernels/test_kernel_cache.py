@@ -1,0 +1,164 @@
+"""Machine code that is kept between processes: found again, and done without where it must be."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mobman
+from mobman.kernels.cache import kernel_files
+
+pytestmark = pytest.mark.xdist_group("kernel_cache")
+
+PACKAGE = Path(mobman.__file__).parent
+
+TINY = """
+from __future__ import annotations
+import numpy as np
+from mobman.arrays import Vector
+from mobman.kernels.kernel import kernel
+from mobman.kernels.program import call, program
+
+@kernel
+def double(x: Vector) -> None:
+    for i in range(x.shape[0]):
+        x[i] *= {factor}
+
+x = np.arange(3.0)
+program([call(double, x)])()
+print(x.tolist())
+"""
+
+
+class Tiny:
+    """A program of one small kernel, run in processes of its own."""
+
+    def __init__(self, folder: Path, cache: Path) -> None:
+        self.file, self.cache = folder / "tiny.py", cache
+        self.write("2.0")
+
+    def write(self, factor: str) -> None:
+        self.file.write_text(TINY.format(factor=factor), encoding="utf-8")
+
+    def run(self, expected: str = "[0.0, 2.0, 4.0]") -> str:
+        """What it has to say apart from its result."""
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(self.cache)}
+        environment.pop("NUMBA_DISABLE_JIT", None)
+        done = subprocess.run(
+            [sys.executable, self.file],
+            capture_output=True,
+            text=True,
+            env=environment,
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == f"{expected}\n"
+        return done.stderr
+
+    def kept(self) -> list[Path]:
+        """The files with this kernel's machine code, and the index of them."""
+        return sorted(self.cache.rglob("tiny.double*"))
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    return Tiny(tmp_path, tmp_path / "cache")
+
+
+def test_first_process_says_that_it_compiles_and_the_second_does_not_compile(tiny):
+    first = tiny.run()
+    assert first.count("mobman: compiling its kernels for this machine") == 1
+    assert first.count("\n") == 1
+    assert str(tiny.cache) in first
+    kept = tiny.kept()
+    assert {file.suffix for file in kept} == {".nbi", ".nbc"}
+    times = [file.stat().st_mtime_ns for file in kept]
+    assert tiny.run() == ""
+    assert tiny.kept() == kept
+    assert [file.stat().st_mtime_ns for file in kept] == times
+
+
+def test_changed_kernel_is_compiled_anew(tiny):
+    tiny.run()
+    tiny.write("3.0")
+    assert "compiling" in tiny.run("[0.0, 3.0, 6.0]")
+    assert tiny.run("[0.0, 3.0, 6.0]") == ""
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("content", [b"no machine code", None], ids=["other", "half"])
+def test_file_that_cannot_be_read_counts_as_missing(tiny, suffix, content):
+    tiny.run()
+    for file in tiny.kept():
+        if file.suffix == suffix:
+            whole = file.read_bytes()
+            file.write_bytes(whole[: len(whole) // 2] if content is None else content)
+    assert tiny.run().count("\n") == 1  # the announcement
+    assert tiny.run() == ""
+
+
+def test_missing_machine_code_is_compiled_anew(tiny):
+    tiny.run()
+    for file in tiny.kept():
+        if file.suffix == ".nbc":
+            file.unlink()
+    assert "compiling" in tiny.run()
+    assert tiny.run() == ""
+
+
+@pytest.mark.parametrize("obstacle", ["a file is in its way", "read-only"])
+def test_folder_that_cannot_be_written_costs_one_warning(tmp_path, obstacle):
+    above = tmp_path / "above"
+    if obstacle == "read-only":
+        above.mkdir(mode=0o500)
+        if os.access(above, os.W_OK):
+            pytest.skip("this user may write everywhere")
+    else:
+        above.write_text("")
+    tiny = Tiny(tmp_path, above / "cache")
+    for _ in range(2):
+        said = tiny.run()
+        assert said.count("mobman: compiling its kernels") == 1
+        assert said.count("cannot be kept in") == 1
+        assert said.count("Warning") == 1
+        assert "Set NUMBA_CACHE_DIR to a folder that can be written" in said
+        assert "Traceback" not in said
+
+
+def test_every_file_with_a_kernel_is_known():
+    """However it is decorated."""
+    found = kernel_files()
+    for file in PACKAGE.rglob("*.py"):
+        functions = [
+            node
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+            if isinstance(node, ast.FunctionDef)
+        ]
+        if any("kernel" in map(ast.unparse, function.decorator_list) for function in functions):
+            assert file in found
+    assert len(found) > 10
+
+
+@pytest.mark.parametrize("file", ["dense.py", "calling.py", "kernel.py"])
+def test_folder_is_named_after_all_that_decides_the_machine_code(file, tmp_path):
+    """Equations, the calling convention and the compiler's options."""
+    names = []
+    for change in ("", "# changed"):
+        copy = shutil.copytree(PACKAGE, tmp_path / f"with{change}" / "mobman")
+        path = copy / "kernels" / file
+        path.write_text(path.read_text(encoding="utf-8") + change, encoding="utf-8")
+        code = (
+            f"import sys; sys.path.insert(0, {str(copy.parent)!r}); import mobman.kernels.cache as c; "
+            f"assert c.__file__.startswith({str(copy)!r}); print(c.kernel_folder().name)"
+        )
+        done = subprocess.run(
+            [sys.executable, "-I", "-c", code], capture_output=True, text=True, check=True
+        )
+        names.append(done.stdout)
+    assert names[0] != names[1]
