@@ -18,6 +18,7 @@ from typing import Any
 from mobman.benchmark.store import Failure, Store
 from mobman.benchmark.suite import RunSpec, Suite
 from mobman.controllers.protocol import controllers, make_controller
+from mobman.kernels.ahead import compile_ahead, compiled_ahead
 from mobman.model.build import load_robot
 from mobman.robots.catalogue import find_spec
 from mobman.robots.spec import RobotSpec
@@ -106,6 +107,8 @@ def run_suite(
     summary = Summary(asked=len(runs), skipped=len(runs) - len(todo))
     if on_start is not None:
         on_start(summary.asked, summary.skipped)
+    if todo and not compiled_ahead():
+        compile_ahead()  # here and once, instead of in every worker
     started = time.monotonic()
     with _one_thread():
         for outcome in _in_parallel(todo, store, workers):

@@ -19,6 +19,7 @@ class Controller(Protocol):
 
     Optional: ``name``; ``settings() -> dict`` with the gains in force, for records; ``signals() ->
     dict`` with arrays of the last tick, recorded under their names (``"sliding/s"``, ...);
+    ``signals_in_place``, true if those arrays stay the same from :meth:`reset` on and are overwritten;
     ``criterion``, what e^a is measured by, the robot's posture criterion if there is none.
     """
 

@@ -2,42 +2,65 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Matrix, Vector
+from mobman.errors import SingularityError
+from mobman.kernels.dense import dot
+from mobman.kernels.kernel import kernel
+from mobman.kernels.program import Call, call, program
 from mobman.model.criterion import Criterion
-from mobman.model.extended_jacobian import extended_kinematics
-from mobman.model.mobile_manipulator import MobileManipulator, Velocity
-from mobman.tasks.task import Task, desired_at, task_map_of
+from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.extended_kernels import stack, task_rates
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.workspace import Workspace
+from mobman.tasks.task import Task, task_map_of, task_steps
 
 
-class TaskErrors(NamedTuple):
-    """Errors of p tasks and what moves them: e' = J z - p_d', e'' = J z' + J' z - p_d''."""
+class TaskErrors:
+    """Errors of p tasks and what moves them: e' = J z - p_d', e'' = J z' + J' z - p_d''.
 
-    e: Array
-    """e = f - p_d, shape (p,)."""
-    e_dot: Array
-    """e' of (26), shape (p,)."""
-    J: Array
-    """Shape (p, nz)."""
-    J_dot_z: Array
-    """J' z, shape (p,)."""
-    p_ddot: Array
-    """p_d'', shape (p,)."""
-    p_dddot: Array
-    """p_d''', shape (p,)."""
+    Args:
+        J: Shape (p, nz).
+        J_dot_z: J' z, shape (p,).
+
+    Attributes:
+        e: e = f - p_d, shape (p,).
+        e_dot: e' of (26), shape (p,).
+        p_ddot, p_dddot: Derivatives of p_d, shape (p,).
+    """
+
+    def __init__(self, J: Array, J_dot_z: Array) -> None:
+        p = len(J_dot_z)
+        self.J, self.J_dot_z = J, J_dot_z
+        self.e, self.e_dot = np.zeros(p), np.zeros(p)
+        self.p_ddot, self.p_dddot = np.zeros(p), np.zeros(p)
 
 
 class TaskSpace(Protocol):
-    """Something that a law can drive to zero."""
+    """Something that a law can drive to zero; its arrays stay where they are in memory."""
 
     p: int
     """Number of task errors."""
+    workspace: Workspace
+    """The nominal robot at the state."""
+    t: Array
+    """The time (s), shape (1,)."""
+    errors: TaskErrors
+    """The errors at the time and the state."""
 
-    def errors(self, t: float, q: Array, z: Array, velocity: Velocity) -> TaskErrors:
-        """The errors at time t and state (q, z), of which ``velocity`` is C, C z and C' z."""
+    def steps(self) -> list[Call]:
+        """What computes ``errors``, after the workspace's velocity steps and ``run_jacobians``."""
+        ...
+
+    def resolve(self, status: int) -> None:
+        """Do what the steps could not, so that they can be run again.
+
+        Raises:
+            SingularityError: If there is nothing to be done.
+        """
         ...
 
 
@@ -46,53 +69,123 @@ class TipTaskSpace:
 
     def __init__(self, robot: MobileManipulator, task: Task) -> None:
         self._robot = robot
+        self.p = task_map_of(task).m
+        self.workspace = Workspace(robot)
+        self.t = np.zeros(1)
         self._task = task
-        self._map = task_map_of(task)
-        self.p = self._map.m
+        self.errors = TaskErrors(np.zeros((self.p, robot.nz)), np.zeros(self.p))
 
-    def errors(self, t: float, q: Array, z: Array, velocity: Velocity) -> TaskErrors:
-        """The errors at time t and state (q, z); see :class:`TaskSpace`."""
-        desired = desired_at(self._task, t)
-        tip = self._robot.tip_kinematics(q, z, velocity)
-        j = self._map.jacobian(tip)
-        jacobian = j @ velocity.C
-        return TaskErrors(
-            e=self._map.position(tip) - desired.p,
-            e_dot=jacobian @ z - desired.p_dot,
-            J=jacobian,
-            J_dot_z=self._map.jacobian_rate(tip) @ velocity.q_dot + j @ velocity.C_dot_z,
-            p_ddot=desired.p_ddot,
-            p_dddot=desired.p_dddot,
-        )
+    def steps(self) -> list[Call]:
+        """See :class:`TaskSpace`."""
+        now, robot, m, errors = self.workspace, self._robot, self.p, self.errors
+        j, j_rate, no_rows = np.zeros((m, robot.nq)), np.zeros((m, robot.nq)), now.A[:0]
+        return [
+            *now.tip_steps(),
+            call(stack, now.tip_jacobian, no_rows, j, m),
+            call(stack, now.tip_jacobian_rate, no_rows, j_rate, m),
+            call(
+                task_rates,
+                j,
+                j_rate,
+                robot.platform_index,
+                robot.arm_index,
+                now.N,
+                now.q_dot,
+                now.C_dot_z,
+                m,
+                errors.J,
+                errors.J_dot_z,
+            ),
+            *_error_steps(self._task, self.t, m, now.tip, now.z, errors),
+        ]
+
+    def resolve(self, status: int) -> None:
+        """See :class:`TaskSpace`; these steps always succeed."""
+        raise SingularityError(f"the task's errors cannot be computed (status {status})")
 
 
 class ExtendedTaskSpace:
-    """The tip's errors and the auxiliary ones, p = nz: e = (e^e, e^a), p_d^a = 0, (13)."""
+    """The tip's errors and the auxiliary ones, p = nz: e = (e^e, e^a), p_d^a = 0, (13).
+
+    The axes of e^a are carried from state to state.
+    """
 
     def __init__(self, robot: MobileManipulator, task: Task, criterion: Criterion) -> None:
-        self._robot = robot
-        self._task = task
-        self._criterion = criterion
-        self._map = task_map_of(task)
-        self._complement: Array | None = None
+        task_map = task_map_of(task)
+        self._extended = ExtendedJacobian(robot, task_map, criterion)
         self.p = robot.nz
+        self.workspace = self._extended.workspace
+        self.t = np.zeros(1)
+        self._task, self._m = task, task_map.m
+        self.errors = TaskErrors(self._extended.J, self._extended.J_dot_z)
 
-    def errors(self, t: float, q: Array, z: Array, velocity: Velocity) -> TaskErrors:
-        """The errors at time t and state (q, z); see :class:`TaskSpace`.
+    def steps(self) -> list[Call]:
+        """See :class:`TaskSpace`."""
+        extended = self._extended
+        return [
+            *extended.steps(),
+            *_error_steps(self._task, self.t, self._m, extended.f, self.workspace.z, self.errors),
+        ]
 
-        The axes of e^a are carried from call to call.
+    def resolve(self, status: int) -> None:
+        """See :class:`TaskSpace`."""
+        self._extended.resolve(status)
+
+
+class ErrorsAlong:
+    """The errors of a task space at states that are given one by one: what a law sees of them."""
+
+    def __init__(self, space: TaskSpace) -> None:
+        self._space = space
+        self._velocity = program(space.workspace.velocity_steps())
+        self._errors = program(space.steps())
+
+    def at(self, t: float, q: Array, z: Array) -> TaskErrors:
+        """The errors at time t and state (q, z); overwritten by the next.
+
+        Raises:
+            SingularityError: If they do not exist there.
         """
-        desired = desired_at(self._task, t)
-        kinematics = extended_kinematics(
-            self._robot, self._map, self._criterion, q, z, self._complement, velocity
-        )
-        self._complement = kinematics.complement
-        none = np.zeros(self.p - self._map.m)
-        return TaskErrors(
-            e=np.concatenate((kinematics.f_e - desired.p, kinematics.f_a)),
-            e_dot=kinematics.J @ z - np.concatenate((desired.p_dot, none)),
-            J=kinematics.J,
-            J_dot_z=kinematics.J_dot_z,
-            p_ddot=np.concatenate((desired.p_ddot, none)),
-            p_dddot=np.concatenate((desired.p_dddot, none)),
-        )
+        space, now = self._space, self._space.workspace
+        space.t[0] = t
+        now.q[:] = q
+        now.z[:] = z
+        self._velocity()
+        now.run_jacobians()
+        while status := self._errors():
+            space.resolve(status)
+        return space.errors
+
+
+def _error_steps(
+    task: Task, t: Array, m: int, f: Array, z: Array, errors: TaskErrors
+) -> list[Call]:
+    p_d = np.zeros((4, m))
+    return [
+        *task_steps(task, t, p_d),
+        call(_errors, f, p_d, z, errors.J, errors.e, errors.e_dot, errors.p_ddot, errors.p_dddot),
+    ]
+
+
+@kernel
+def _errors(
+    f: Vector,
+    p_d: Matrix,
+    z: Vector,
+    J: Matrix,
+    e: Vector,
+    e_dot: Vector,
+    p_ddot: Vector,
+    p_dddot: Vector,
+) -> None:
+    """e = f - p_d and e' = J z - p_d' of (26); p_d of the auxiliary tasks is 0."""
+    m = p_d.shape[1]
+    for i in range(e.shape[0]):
+        e[i] = f[i]
+        e_dot[i] = dot(J[i], z)
+        p_ddot[i] = p_dddot[i] = 0.0
+        if i < m:
+            e[i] -= p_d[0, i]
+            e_dot[i] -= p_d[1, i]
+            p_ddot[i] = p_d[2, i]
+            p_dddot[i] = p_d[3, i]

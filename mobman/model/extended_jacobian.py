@@ -10,6 +10,7 @@ carried along the motion by parallel transport,
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,12 +18,25 @@ from scipy.linalg import null_space
 
 from mobman.arrays import Array
 from mobman.errors import SingularityError
-from mobman.model.cholesky import Cholesky
-from mobman.model.criterion import Criterion
-from mobman.model.mobile_manipulator import MobileManipulator, Velocity
+from mobman.kernels.program import Call, Program, call, program
+from mobman.model.criterion import Criterion, criterion_steps
+from mobman.model.extended_kernels import (
+    GAUGE_LOST,
+    auxiliary_rates,
+    carry,
+    coordinates,
+    curvature,
+    curvature_rate,
+    factorise,
+    multipliers,
+    stack,
+    task_rates,
+)
+from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
+from mobman.model.workspace import Workspace
 
-_NEWTON_SCHULZ = 1e-2  # |X X^T - I| below which the polar factor is found by iteration
+_NO_DIRECTION = 1e-6  # singular value of N Proj_ker j below which a row's direction means nothing
 
 
 class ExtendedKinematics(NamedTuple):
@@ -40,16 +54,151 @@ class ExtendedKinematics(NamedTuple):
     """Orthonormal rows of ker j, the N of (11), shape (nz - m, nq)."""
 
 
-def orthonormal_complement(j: Array) -> Array:
-    """Some orthonormal rows of ker j, shape (nq - rows, nq).
+class ExtendedJacobian:
+    """f, J and J' z along a motion, in memory that stays where it is; see the module.
 
-    Raises:
-        SingularityError: If j has not full row rank.
+    Args:
+        robot: The robot.
+        task_map: f_e.
+        criterion: F.
+        workspace: The robot's matrices at the state, if somebody computes them already.
+
+    Attributes:
+        workspace: The robot's matrices at the state.
+        f: (f_e, f_a) of (13), shape (nz,).
+        J: Shape (nz, nz).
+        J_dot_z: Shape (nz,).
+        complement: The axes of f_a, orthonormal rows of ker j, shape (nz - m, nq). They are carried
+            from state to state.
     """
-    complement: Array = null_space(j).T
-    if len(complement) != j.shape[1] - j.shape[0]:
-        raise SingularityError("j = [df_e/dq; A 0] has lost its rank: a kinematic singularity")
-    return complement
+
+    def __init__(
+        self,
+        robot: MobileManipulator,
+        task_map: TaskMap,
+        criterion: Criterion,
+        workspace: Workspace | None = None,
+    ) -> None:
+        self.workspace = Workspace(robot) if workspace is None else workspace
+        self._robot, self._m, self._criterion = robot, task_map.m, criterion
+        m, nq, nz, s = task_map.m, robot.nq, robot.nz, task_map.m + robot.k
+        self.f, self.J, self.J_dot_z = np.zeros(nz), np.zeros((nz, nz)), np.zeros(nz)
+        self.complement = np.zeros((nz - m, nq))
+        self._j, self._j_rate, self._lower = np.zeros((s, nq)), np.zeros((s, nq)), np.zeros((s, s))
+        self._projected = np.zeros((nz - m, nq))
+        self._g, self._H, self._H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
+
+    def auxiliary_steps(self) -> list[Call]:
+        """f and what it takes, after the workspace's velocity steps and ``run_jacobians``.
+
+        Their status is to be given to :meth:`resolve` if it is not 0.
+        """
+        now, m, s = self.workspace, self._m, len(self._j)
+        defect, row = np.zeros((self._robot.nz - m,) * 2), np.zeros(s)
+        return [
+            *now.constraint_steps(),
+            *now.tip_steps(),
+            call(stack, now.tip_jacobian, now.A, self._j, m),
+            call(factorise, self._j, self._lower),
+            call(carry, self._j, self._lower, self.complement, self._projected, defect, row),
+            *criterion_steps(self._criterion, now.q, now.q_dot, self._g, self._H, self._H_rate),
+            call(coordinates, now.tip, self.complement, self._g, self.f, m),
+        ]
+
+    def steps(self) -> list[Call]:
+        """f, J and J' z, as :meth:`auxiliary_steps`."""
+        now, robot, m, s = self.workspace, self._robot, self._m, len(self._j)
+        nq, nz = robot.nq, robot.nz
+        multiplier, total, total_rate = np.zeros(s), np.zeros((nq, nq)), np.zeros((nq, nq))
+        blocks = (robot.platform_index, robot.arm_index, now.N)
+        work = (np.zeros((nz - m, nq)), np.zeros(nq), np.zeros(nq), np.zeros(s), np.zeros(s))
+        return [
+            *self.auxiliary_steps(),
+            call(stack, now.tip_jacobian_rate, now.A_rate, self._j_rate, m),
+            call(multipliers, self._lower, self._j, self._g, multiplier),
+            call(
+                curvature,
+                self._H,
+                now.tip_jacobian,
+                robot.platform_index,
+                now.A_x,
+                multiplier,
+                m,
+                total,
+            ),
+            call(
+                curvature_rate,
+                self._H_rate,
+                now.tip_jacobian,
+                now.tip_jacobian_rate,
+                robot.platform_index,
+                now.A_x_rate,
+                multiplier,
+                m,
+                total_rate,
+            ),
+            call(
+                task_rates,
+                self._j,
+                self._j_rate,
+                *blocks,
+                now.q_dot,
+                now.C_dot_z,
+                m,
+                self.J,
+                self.J_dot_z,
+            ),
+            call(
+                auxiliary_rates,
+                self._lower,
+                self._j,
+                self._j_rate,
+                self.complement,
+                self._g,
+                multiplier,
+                total,
+                total_rate,
+                *blocks,
+                now.q_dot,
+                now.C_dot_z,
+                m,
+                self.J,
+                self.J_dot_z,
+                *work,
+            ),
+        ]
+
+    def resolve(self, status: int) -> None:
+        """Do what the steps could not, so that they can be run again.
+
+        Raises:
+            SingularityError: If j has lost its rank.
+        """
+        if status == GAUGE_LOST:  # the first state, or one far from the last
+            self.complement[:] = _nearest_complement(self._j, self._projected)
+        else:
+            raise SingularityError(
+                "j j^T is singular to working precision: a kinematic singularity"
+            )
+
+    def at(self, q: Array, z: Array) -> None:
+        """Compute f, J and J' z at (q, z).
+
+        Raises:
+            SingularityError: If j has lost its rank.
+        """
+        now = self.workspace
+        now.q[:] = q
+        now.z[:] = z
+        velocity, everything = self._programs
+        velocity()
+        now.run_jacobians()
+        while status := everything():
+            self.resolve(status)
+
+    @cached_property
+    def _programs(self) -> tuple[Program, Program]:
+        return program(self.workspace.velocity_steps()), program(self.steps())
 
 
 def extended_kinematics(
@@ -59,9 +208,8 @@ def extended_kinematics(
     q: Array,
     z: Array,
     complement: Array | None = None,
-    velocity: Velocity | None = None,
 ) -> ExtendedKinematics:
-    r"""f, J and J' z at (q, z).
+    r"""f, J and J' z at one (q, z); :class:`ExtendedJacobian` is for many.
 
     Args:
         robot: The robot.
@@ -72,43 +220,16 @@ def extended_kinematics(
         complement: :math:`\mathcal N` at a configuration nearby (the last tick's), which is carried
             over to this one; without it some orthonormal complement is chosen. The norm of f_a and
             the singular values of J do not depend on it.
-        velocity: ``robot.velocity(q, z)``, if it is known already.
 
     Raises:
         SingularityError: If j has lost its rank.
     """
-    m = task_map.m
-    velocity = robot.velocity(q, z) if velocity is None else velocity
-    c, q_dot, c_dot_z = velocity
-    tip = robot.tip_kinematics(q, z, velocity)
-    j = np.concatenate((task_map.jacobian(tip), robot.constraint_matrix(q)))
-    j_dot = np.concatenate((task_map.jacobian_rate(tip), robot.constraint_matrix_rate(q, q_dot)))
-    gram = _gram(j)
-    n_perp = orthonormal_complement(j) if complement is None else _carried(complement, j, gram)
-
-    g = criterion.gradient(q)
-    multiplier = -gram.solve(j @ g)
-    # H + D(lam), and its part of the rate at fixed lam
-    d = task_map.hessian(tip, multiplier[:m]) + robot.constraint_hessian(q, multiplier[m:])
-    d_rate = task_map.hessian_rate(tip, multiplier[:m]) + robot.constraint_hessian_rate(
-        q, q_dot, multiplier[m:]
-    )
-    curvature = criterion.hessian(q) + d
-    curved = curvature @ q_dot
-    # N' = -N j'^T (j^+)^T; lam' = -(j j^T)^-1 (j' (g + j^T lam) + j (H + D) q'); D(lam') q' = j'^T lam'
-    transport = gram.solve(j @ curved)
-    multiplier_rate = -gram.solve(j_dot @ (g + j.T @ multiplier)) - transport
-    a_rate = (
-        j_dot.T @ (multiplier_rate - transport)
-        + (d_rate + criterion.hessian_rate(q, q_dot)) @ q_dot
-        + curvature @ c_dot_z
-    )
+    extended, m = ExtendedJacobian(robot, task_map, criterion), task_map.m
+    if complement is not None:
+        extended.complement[:] = complement
+    extended.at(q, z)
     return ExtendedKinematics(
-        f_e=task_map.position(tip),
-        f_a=n_perp @ g,
-        J=np.concatenate((j[:m] @ c, n_perp @ (curvature @ c))),
-        J_dot_z=np.concatenate((j_dot[:m] @ q_dot + j[:m] @ c_dot_z, n_perp @ a_rate)),
-        complement=n_perp,
+        extended.f[:m], extended.f[m:], extended.J, extended.J_dot_z, extended.complement
     )
 
 
@@ -123,41 +244,26 @@ def auxiliary_coordinates(
 
     Arguments and errors as for :func:`extended_kinematics`.
     """
-    jacobian = robot.tip_jacobian(q)[list(task_map.rows)]
-    j = np.concatenate((jacobian, robot.constraint_matrix(q)))
-    n_perp = orthonormal_complement(j) if complement is None else _carried(complement, j, _gram(j))
-    return n_perp @ criterion.gradient(q), n_perp
+    now = extended_kinematics(robot, task_map, criterion, q, np.zeros(robot.nz), complement)
+    return now.f_a, now.complement
 
 
-def _gram(j: Array) -> Cholesky:
-    """The factor of j j^T.
+def orthonormal_complement(j: Array) -> Array:
+    """Some orthonormal rows of ker j, shape (nq - rows, nq).
 
     Raises:
-        SingularityError: If j has lost its rank.
+        SingularityError: If j has not full row rank.
     """
-    return Cholesky(j @ j.T, "j j^T (a kinematic singularity)", well_posed=True)
+    complement: Array = null_space(j).T
+    if len(complement) != j.shape[1] - j.shape[0]:
+        raise SingularityError("j = [df_e/dq; A 0] has lost its rank: a kinematic singularity")
+    return complement
 
 
-def _carried(complement: Array, j: Array, gram: Cholesky) -> Array:
-    """The orthonormal rows of ker j nearest to ``complement``: polar(N Proj_ker j)."""
-    if not len(complement):  # no redundancy: l + n = m + k
-        return complement
-    projected = complement - gram.solve(j @ complement.T).T @ j
-    # Near the last configuration N N^T is I to second order in the step; a few Newton-Schulz
-    # iterations give the polar factor to working precision. Far from it, the SVD does.
-    for _ in range(4):
-        defect = projected @ projected.T
-        defect.flat[:: len(defect) + 1] -= 1.0
-        size = np.abs(defect).max()
-        if size < 1e-15:
-            return projected
-        if size > _NEWTON_SCHULZ:
-            break
-        projected = projected - 0.5 * (defect @ projected)
-        if size < 1e-8:
-            return projected
+def _nearest_complement(j: Array, projected: Array) -> Array:
+    """The orthonormal rows of ker j nearest to those of N Proj_ker j, however far that is."""
     left, singular, right = np.linalg.svd(projected, full_matrices=False)
-    if singular[-1] < 1e-6:
+    if not np.all(singular > _NO_DIRECTION):
         return orthonormal_complement(j)
     polar: Array = left @ right
     return polar

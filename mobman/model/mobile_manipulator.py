@@ -10,7 +10,9 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import ModelError, UsageError
+from mobman.kernels.program import program
 from mobman.model.platforms.platform import Platform
+from mobman.model.workspace import Workspace
 from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf import UrdfFile
 
@@ -103,9 +105,11 @@ class MobileManipulator:
             raise ModelError(f"robot {self.name!r}: no frame {self.tip!r}")
         index = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i}
         self.joint_names = sorted(index, key=index.__getitem__)
-        self.platform_index = np.array([index[name] for name in platform.coordinates], dtype=int)
+        self.platform_index = np.array(
+            [index[name] for name in platform.coordinates], dtype=np.int64
+        )
         self.arm_index = np.array(
-            [i for i in range(model.nq) if i not in set(self.platform_index)], dtype=int
+            [i for i in range(model.nq) if i not in set(self.platform_index)], dtype=np.int64
         )
         self.velocity_names = [
             *platform.velocity_names,
@@ -116,13 +120,11 @@ class MobileManipulator:
         self.n_alpha = len(platform.velocity_names)
         self.nz = self.n_alpha + self.n
         self.k = self.nq - self.nz
-        # C, C' and A differ from state to state in the platform's block only.
-        self._platform_block = np.ix_(self.platform_index, np.arange(self.n_alpha))
-        self._hessian_block = np.ix_(self.platform_index, self.platform_index)
-        self._arm_part = np.zeros((self.nq, self.nz))
-        self._arm_part[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
-        self._actuation = self._arm_part.copy()
-        self._actuation[self._platform_block] = platform.actuation
+        self._actuation = np.zeros((self.nq, self.nz))
+        self._actuation[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
+        self._actuation[np.ix_(self.platform_index, np.arange(self.n_alpha))] = platform.actuation
+        self._view_pinocchio()
+        self._own: _Own | None = None
 
     def __repr__(self) -> str:
         return f"MobileManipulator({self.name!r}, nq={self.nq}, nz={self.nz}, tip={self.tip!r})"
@@ -157,6 +159,22 @@ class MobileManipulator:
             )
         return configuration
 
+    def _view_pinocchio(self) -> None:
+        """Look at Pinocchio's results where they are, instead of copying them at every call."""
+        model, data = self.model, self.data
+        tip = model.frames[self._tip_frame]
+        joint = tip.parentJoint
+        self.inertia_view: Array = data.M
+        self.nonlinear_view: Array = data.nle
+        self.jacobian_view: Array = data.J
+        self.jacobian_rate_view: Array = data.dJ
+        self.tip_rotation: Array = data.oMi[joint].rotation
+        self.tip_translation: Array = data.oMi[joint].translation
+        self.tip_offset = np.array(tip.placement.translation)
+        self.tip_chain = np.zeros(self.nq)
+        self.tip_chain[[model.joints[i].idx_v for i in model.supports[joint] if i]] = 1.0
+        self.platform_actuation = np.ascontiguousarray(self.platform.actuation, dtype=float)
+
     # Kinematics of the constraints -------------------------------------------------------------
 
     def constraint_matrix(self, q: Array) -> Array:
@@ -175,8 +193,8 @@ class MobileManipulator:
     def constraint_hessian(self, q: Array, multiplier: Array) -> Array:
         """d([A 0]^T lam)/dq at fixed lam of shape (k,), shape (nq, nq)."""
         hessian = np.zeros((self.nq, self.nq))
-        hessian[self._hessian_block] = self.platform.constraint_hessian(
-            q[self.platform_index], multiplier
+        hessian[np.ix_(self.platform_index, self.platform_index)] = (
+            self.platform.constraint_hessian(q[self.platform_index], multiplier)
         )
         return hessian
 
@@ -184,15 +202,18 @@ class MobileManipulator:
         """d/dt of :meth:`constraint_hessian` along q' at fixed lam, shape (nq, nq)."""
         rate = np.zeros((self.nq, self.nq))
         index = self.platform_index
-        rate[self._hessian_block] = self.platform.constraint_hessian_rate(
+        rate[np.ix_(index, index)] = self.platform.constraint_hessian_rate(
             q[index], q_dot[index], multiplier
         )
         return rate
 
     def velocity_map(self, q: Array) -> Array:
         """C(q) = blkdiag(N, I) of (9), q' = C z, shape (nq, nz)."""
-        c = self._arm_part.copy()
-        c[self._platform_block] = self.platform.velocity_map(q[self.platform_index])
+        c = np.zeros((self.nq, self.nz))
+        c[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
+        c[np.ix_(self.platform_index, np.arange(self.n_alpha))] = self.platform.velocity_map(
+            q[self.platform_index]
+        )
         return c
 
     def velocity_map_rate(self, q: Array, z: Array) -> Array:
@@ -200,18 +221,15 @@ class MobileManipulator:
         rate = np.zeros((self.nq, self.nz))
         x = q[self.platform_index]
         x_dot = self.platform.velocity_map(x) @ z[: self.n_alpha]
-        rate[self._platform_block] = self.platform.velocity_map_rate(x, x_dot)
+        rate[np.ix_(self.platform_index, np.arange(self.n_alpha))] = (
+            self.platform.velocity_map_rate(x, x_dot)
+        )
         return rate
 
     def velocity(self, q: Array, z: Array) -> Velocity:
-        """C, C z and C' z at (q, z); what :meth:`dynamics` and :meth:`tip_kinematics` start from."""
-        c = self.velocity_map(q)
-        q_dot = c @ z
-        index = self.platform_index
-        rate = self.platform.velocity_map_rate(q[index], q_dot[index])
-        c_dot_z = np.zeros(self.nq)
-        c_dot_z[index] = rate @ z[: self.n_alpha]
-        return Velocity(c, q_dot, c_dot_z)
+        """C, C z and C' z at (q, z)."""
+        now = self._at(q, z)
+        return Velocity(now.C.copy(), now.q_dot.copy(), now.C_dot_z.copy())
 
     # Dynamics ----------------------------------------------------------------------------------
 
@@ -220,22 +238,17 @@ class MobileManipulator:
         """B' of (16): which coordinates the motors drive, shape (nq, nz)."""
         return self._actuation
 
-    def dynamics(self, q: Array, z: Array, velocity: Velocity | None = None) -> Dynamics:
+    def dynamics(self, q: Array, z: Array) -> Dynamics:
         """The reduced dynamics (17) at (q, z): each of Pinocchio's algorithms runs once.
 
         Args:
             q: Configuration (m, rad), shape (nq,).
             z: Reduced velocity (m/s, rad/s), shape (nz,).
-            velocity: ``self.velocity(q, z)``, if it is known already.
         """
-        c, q_dot, c_dot_z = self.velocity(q, z) if velocity is None else velocity
-        nonlinear = pin.nonLinearEffects(self.model, self.data, q, q_dot)
-        inertia = pin.crba(self.model, self.data, q)
-        return Dynamics(
-            M=c.T @ inertia @ c,
-            bias=c.T @ (inertia @ c_dot_z + nonlinear),
-            B=c.T @ self._actuation,
-        )
+        now = self._at(q, z)
+        now.run_dynamics()
+        self._programs.dynamics()
+        return Dynamics(M=now.M.copy(), bias=now.bias.copy(), B=now.B.copy())
 
     def motor_inertia(self, q: Array) -> Array:
         """What each motor's axis feels, the diagonal of B^-1 M B^-T (kg m^2, kg), shape (nz,)."""
@@ -261,20 +274,44 @@ class MobileManipulator:
             pin.computeFrameJacobian(self.model, self.data, q, self._tip_frame, _WORLD_AXES)
         )
 
-    def tip_kinematics(self, q: Array, z: Array, velocity: Velocity | None = None) -> TipKinematics:
+    def tip_kinematics(self, q: Array, z: Array) -> TipKinematics:
         """Tip position, Jacobian and Jacobian rate at (q, z), from one pass over the tree.
 
         Args:
             q: Configuration (m, rad), shape (nq,).
             z: Reduced velocity, shape (nz,).
-            velocity: ``self.velocity(q, z)``, if it is known already.
         """
-        model, data, frame = self.model, self.data, self._tip_frame
-        q_dot = self.velocity_map(q) @ z if velocity is None else velocity.q_dot
-        pin.computeJointJacobiansTimeVariation(model, data, q, q_dot)
-        placement = pin.updateFramePlacement(model, data, frame)
+        now = self._at(q, z)
+        now.run_jacobians()
+        self._programs.tip()
         return TipKinematics(
-            position=np.array(placement.translation),
-            jacobian=pin.getFrameJacobian(model, data, frame, _WORLD_AXES),
-            jacobian_rate=pin.getFrameJacobianTimeVariation(model, data, frame, _WORLD_AXES),
+            position=now.tip.copy(),
+            jacobian=now.tip_jacobian.copy(),
+            jacobian_rate=now.tip_jacobian_rate.copy(),
         )
+
+    # What the methods above work with ----------------------------------------------------------
+
+    @property
+    def _programs(self) -> _Own:
+        if self._own is None:  # made when needed: most copies of a robot are never evaluated here
+            self._own = _Own(self)
+        return self._own
+
+    def _at(self, q: Array, z: Array) -> Workspace:
+        """The robot's own workspace at (q, z), its velocity terms computed."""
+        own = self._programs
+        own.workspace.q[:] = q
+        own.workspace.z[:] = z
+        own.velocity()
+        return own.workspace
+
+
+class _Own:
+    """A robot's own workspace, and the programs of its methods."""
+
+    def __init__(self, robot: MobileManipulator) -> None:
+        self.workspace = Workspace(robot)
+        self.velocity = program(self.workspace.velocity_steps())
+        self.dynamics = program([*self.workspace.inertia_steps(), *self.workspace.bias_steps()])
+        self.tip = program(self.workspace.tip_steps())

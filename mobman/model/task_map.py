@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import UsageError
+from mobman.model.extended_kernels import add_task_hessian, add_task_hessian_rate
 from mobman.model.mobile_manipulator import TipKinematics
 
 
@@ -46,21 +46,15 @@ class TaskMap:
 
     def hessian(self, tip: TipKinematics, multiplier: Array) -> Array:
         """d((df_e/dq)^T lam)/dq at fixed lam of shape (m,), shape (nq, nq), symmetric."""
-        cross = self._cross(multiplier)
-        return _mirrored(tip.jacobian[:3].T @ cross @ tip.jacobian[3:])
+        hessian = np.zeros((tip.jacobian.shape[1],) * 2)
+        add_task_hessian(tip.jacobian, multiplier, self.m, hessian)
+        return hessian
 
     def hessian_rate(self, tip: TipKinematics, multiplier: Array) -> Array:
         """d/dt of :meth:`hessian` along q' at fixed lam, shape (nq, nq)."""
-        cross = self._cross(multiplier)
-        j, rate = tip.jacobian, tip.jacobian_rate
-        return _mirrored(rate[:3].T @ cross @ j[3:] + j[:3].T @ cross @ rate[3:])
-
-    def _cross(self, multiplier: Array) -> Array:
-        """[lam]_x: lam . (w x v) = v^T [lam]_x w."""
-        lam = np.zeros(3)
-        lam[list(self.rows)] = multiplier
-        x, y, z = lam
-        return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        rate = np.zeros((tip.jacobian.shape[1],) * 2)
+        add_task_hessian_rate(tip.jacobian, tip.jacobian_rate, multiplier, self.m, rate)
+        return rate
 
 
 def task_map_for(dimension: int) -> TaskMap:
@@ -74,16 +68,3 @@ def task_map_for(dimension: int) -> TaskMap:
             f"a task's p_d has {dimension} components; allowed: 3 (tip position), 2 (its x and y)"
         )
     return TaskMap(tuple(range(dimension)))
-
-
-def _mirrored(matrix: Array) -> Array:
-    """The symmetric matrix with the lower triangle of ``matrix``."""
-    at_and_below, below = _triangles(len(matrix))
-    mirrored: Array = matrix * at_and_below + (matrix * below).T
-    return mirrored
-
-
-@cache
-def _triangles(n: int) -> tuple[Array, Array]:
-    """Masks of the lower triangle with and without the diagonal."""
-    return np.tri(n), np.tri(n, k=-1)

@@ -29,6 +29,6 @@ class Accelerometer:
             true: The true z', shape (nz,).
         """
         if self._exact:
-            return true
-        last, self._last = self._last, z
+            return true.copy()
+        last, self._last = self._last, z.copy()
         return np.zeros_like(z) if last is None else (z - last) / self._dt

@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Index, Matrix, Vector
 from mobman.controllers.protocol import Controller
 from mobman.errors import SingularityError, UsageError
+from mobman.kernels.dense import dot
+from mobman.kernels.kernel import kernel
+from mobman.kernels.program import Call, call, program
 from mobman.model.build import load_robot
 from mobman.model.criterion import Criterion
-from mobman.model.extended_jacobian import auxiliary_coordinates
+from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.extended_kernels import GAUGE_LOST, SINGULAR
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.simulation.accelerometer import Accelerometer
@@ -30,18 +33,17 @@ from mobman.simulation.arguments import (
     seconds,
     whole_ticks,
 )
-from mobman.simulation.integrator import State, rk4_step
+from mobman.simulation.divergence import divergence_reason, divergence_step
+from mobman.simulation.integrator import RungeKutta
 from mobman.simulation.metrics.metric import Run, compute_metrics
-from mobman.simulation.plant import Plant
+from mobman.simulation.plant import Plant, require_success
 from mobman.simulation.provenance import versions
 from mobman.simulation.record import OWN_PLACES, Record
 from mobman.simulation.scenario import Scenario
 from mobman.tasks.criteria.posture import Posture
-from mobman.tasks.task import Task, make_task, task_map_of, task_parameters
+from mobman.tasks.task import Task, make_task, task_map_of, task_parameters, task_steps
 
 _LARGEST_STEP = 1e-3  # s: the plant's integration step is at most this
-_FASTEST = 1e4  # 1/s or m/s: a reduced velocity beyond it has diverged
-_FARTHEST = 1e3  # m: a task error beyond it has diverged
 
 
 def simulate(
@@ -104,11 +106,12 @@ def simulate(
         task_map=task_map,
         plant=Plant(true, resolved.disturbance(robot.motor_inertia(robot.q_rest), random)),
         accelerometer=Accelerometer(resolved.acceleration, dt),
+        q0=start,
         ticks=ticks,
         dt=dt,
         progress=progress,
     )
-    samples = loop.run(start)
+    samples = loop.run()
     record = loop.record(samples)
     record.scenario = resolved.name
     record.seed = seed
@@ -128,131 +131,213 @@ def simulate(
     return record
 
 
-@dataclass
 class _Samples:
     """What the loop leaves, one row a tick."""
 
-    q: Array
-    z: Array
-    torque: Array
-    tip: Array
-    desired: Array
-    compute_time: Array
-    signals: dict[str, Array]
-    count: int = 0
-    work: float = 0.0
-    status: str = "ok"
-    message: str = ""
+    def __init__(self, rows: int, robot: MobileManipulator, m: int) -> None:
+        self.q = np.empty((rows, robot.nq))
+        self.z = np.empty((rows, robot.nz))
+        self.torque = np.empty((rows, robot.nz))
+        self.tip = np.empty((rows, m))
+        self.desired = np.empty((rows, m))
+        self.auxiliary = np.full((rows, robot.nz - m), np.nan)
+        self.compute_time = np.empty(rows)
+        self.signals: dict[str, Array] = {}
+        self.count = 0
+        self.work = 0.0
+        self.status = "ok"
+        self.message = ""
 
 
-@dataclass
 class _Loop:
     """One run's parts."""
 
-    robot: MobileManipulator
-    controller: Controller
-    task: Task
-    task_map: TaskMap
-    plant: Plant
-    accelerometer: Accelerometer
-    ticks: int
-    dt: float
-    progress: Callable[[float], None] | None
-
-    def __post_init__(self) -> None:
-        self.substeps = max(1, math.ceil(self.dt / _LARGEST_STEP - 1e-9))
-
-    def run(self, q0: Array) -> _Samples:
-        """From rest at q0 to the end, or to where it cannot go on."""
-        robot, n = self.robot, self.ticks + 1
-        samples = _Samples(
-            q=np.empty((n, robot.nq)),
-            z=np.empty((n, robot.nz)),
-            torque=np.empty((n, robot.nz)),
-            tip=np.empty((n, self.task_map.m)),
-            desired=np.empty((n, self.task_map.m)),
-            compute_time=np.empty(n),
-            signals={},
+    def __init__(
+        self,
+        *,
+        robot: MobileManipulator,
+        controller: Controller,
+        task: Task,
+        task_map: TaskMap,
+        plant: Plant,
+        accelerometer: Accelerometer,
+        q0: Array,
+        ticks: int,
+        dt: float,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        self.robot, self.controller, self.task = robot, controller, task
+        self.task_map, self.plant, self.accelerometer = task_map, plant, accelerometer
+        self.ticks, self.dt, self.progress = ticks, dt, progress
+        self.substeps = max(1, math.ceil(dt / _LARGEST_STEP - 1e-9))
+        self.samples = _Samples(ticks + 1, plant.robot, task_map.m)
+        self.state = RungeKutta(plant, q0, np.zeros(robot.nz), dt / self.substeps)
+        self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
+        self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
+        self._look = program(self._looking())
+        self._evaluation = [
+            *self._looking(),
+            *plant.dynamics_steps(),
+            plant.acceleration_step(self._z_dot, np.zeros(1)),
+        ]
+        self._runs_away = program(
+            [divergence_step(plant.now.q, plant.now.z, np.zeros(3), np.zeros((4, 3)))]
         )
-        state = State(q0.copy(), np.zeros(robot.nz), 0.0)
-        torque = np.zeros(robot.nz)
-        every = max(1, self.ticks // 100)
-        # what overflows is found below, by its result
-        with np.errstate(all="ignore"):
-            for tick in range(n):
-                try:
-                    if tick == 0:
-                        self._begin(samples, state, torque)
-                        self.controller.reset(robot, self.task, self.dt)
-                    state, torque = self._tick(samples, tick, state, torque)
-                except (SingularityError, np.linalg.LinAlgError) as error:
-                    samples.status = "singular"
-                    samples.message = f"at t = {tick * self.dt:.6g} s: {error}"
-                    break
-                if samples.status != "ok":
-                    break
-                samples.count = tick + 1
-                if self.progress is not None and tick % every == 0:
-                    self.progress(tick / self.ticks)
-        samples.work = state.work
+        self._signals: Callable[[], dict[str, Any]] = getattr(controller, "signals", dict)
+
+    def _looking(self) -> list[Call]:
+        """The steps that keep a row of the state, or report why it counts as diverged."""
+        now, samples, p_d = self.plant.now, self.samples, np.zeros((4, self.task_map.m))
+        return [
+            *now.tip_steps(),
+            *now.constraint_steps(),
+            call(largest_residual, now.A, now.q_dot, self._residual),
+            *task_steps(self.task, self._t, p_d),
+            call(
+                keep,
+                *(self._tick, now.q, now.z, now.tip, p_d),
+                *(samples.q, samples.z, samples.tip, samples.desired),
+            ),
+            divergence_step(now.q, now.z, now.tip, p_d),
+        ]
+
+    def run(self) -> _Samples:
+        """From rest at q0 to the end, or to where it cannot go on."""
+        samples = self.samples
+        try:
+            # what overflows is found by its result
+            with np.errstate(all="ignore"):
+                self._begin()
+                self._go()
+        except (SingularityError, np.linalg.LinAlgError) as error:
+            samples.status = "singular"
+            samples.message = f"at t = {self._tick[0] * self.dt:.6g} s: {error}"
+        samples.work = float(self.state.work[0])
         if self.progress is not None:
             self.progress(1.0)
         return samples
 
-    def _begin(self, samples: _Samples, state: State, held: Array) -> None:
-        """Keep the start, whatever happens next, so that no record is empty."""
-        samples.q[0], samples.z[0], samples.torque[0] = state.q, state.z, held
-        samples.tip[0], samples.desired[0] = self._tip_and_desired(0.0, state.q)
-        samples.compute_time[0] = 0.0
+    def _begin(self) -> None:
+        """Keep the start, whatever happens next, so that no record is empty; start the controller."""
+        samples, plant = self.samples, self.plant
+        plant.now.run_all()
+        self._look()
+        samples.torque[0], samples.compute_time[0] = plant.v, 0.0
         samples.count = 1
+        self.controller.reset(self.robot, self.task, self.dt)
+        criterion = _criterion_of(self.controller, self.robot)
+        self._auxiliary = ExtendedJacobian(plant.robot, self.task_map, criterion, plant.now)
+        auxiliary_steps = [
+            *self._auxiliary.auxiliary_steps(),
+            call(keep_from, self._tick, self._auxiliary.f, self.task_map.m, samples.auxiliary),
+        ]
+        self._keep_auxiliary = program(auxiliary_steps)
+        self._evaluate = program([*self._evaluation, *auxiliary_steps])
+        self._keep = program(self._keeping())
+        plant.now.run_all()  # the controller may have used the same workspace of Pinocchio
+        self._resolve_auxiliary()
 
-    def _tip_and_desired(self, t: float, q: Array) -> tuple[Array, Array]:
-        tip = np.asarray(self.plant.robot.tip_pose(q).translation)
-        return tip[list(self.task_map.rows)], np.asarray(self.task.desired(t)[0], dtype=float)
+    def _go(self) -> None:
+        """Tick by tick: look, control, integrate."""
+        # local names, since these run at every tick
+        samples, plant, now = self.samples, self.plant, self.plant.now
+        ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
+        run_all, measure, step = now.run_all, self.accelerometer.measure, self.controller.step
+        q, z, z_dot, v, compute_time = now.q, now.z, self._z_dot, plant.v, samples.compute_time
+        keep, integrate = self._keep, self._integrate
+        every = max(1, ticks // 100)
+        for tick in range(ticks + 1):
+            t = tick * dt
+            t_now[0] = t
+            tick_now[0] = tick
+            run_all()
+            if plant.disturbed:
+                plant.disturb(t)
+            if (status := self._evaluate()) and self._ends(t, status):
+                return
+            measured = measure(z, z_dot)
+            q_now, z_now = q.copy(), z.copy()
+            started = perf_counter()
+            torque = step(t, q_now, z_now, measured)
+            compute_time[tick] = perf_counter() - started
+            v[:] = _checked_torque(torque, v)
+            if keep():
+                self._diverged(t, "the controller's torque is not finite")
+                return
+            if self._signals is not dict:
+                self._keep_signals(tick)
+            if tick < ticks:
+                integrate(t)
+                if samples.status != "ok":
+                    return
+            samples.count = tick + 1
+            if self.progress is not None and tick % every == 0:
+                self.progress(tick / ticks)
 
-    def _tick(self, samples: _Samples, tick: int, state: State, held: Array) -> tuple[State, Array]:
-        t = tick * self.dt
-        q, z, _ = state
-        tip, desired = self._tip_and_desired(t, q)
-        if reason := _divergence(q, z, tip - desired):
-            samples.status, samples.message = "diverged", f"at t = {t:.6g} s: {reason}"
-            return state, held
-        instant = self.plant.at(t, q, z)
-        z_dot = self.accelerometer.measure(z, instant.acceleration(held))
-        started = perf_counter()
-        torque = self.controller.step(t, q.copy(), z.copy(), z_dot)
-        elapsed = perf_counter() - started
-        torque = _as_torque(torque)
-        if torque.shape != held.shape:
-            raise UsageError(
-                f"the controller's torque has shape {torque.shape}; the robot has {len(held)} motors"
-            )
-        if not np.all(np.isfinite(torque)):
-            samples.status = "diverged"
-            samples.message = f"at t = {t:.6g} s: the controller's torque is not finite"
-            return state, held
-        samples.q[tick], samples.z[tick], samples.torque[tick] = q, z, torque
-        samples.tip[tick], samples.desired[tick] = tip, desired
-        samples.compute_time[tick] = elapsed
-        self._keep_signals(samples, tick)
-        if tick == self.ticks:
-            return state, torque
-        h = self.dt / self.substeps
-        state = rk4_step(self.plant, t, state, torque, h, instant)
-        for substep in range(1, self.substeps):
-            state = rk4_step(self.plant, t + substep * h, state, torque, h)
-        return state, torque
+    def _ends(self, t: float, status: int) -> bool:
+        """Whether the run ends with that status of the evaluation.
 
-    def _keep_signals(self, samples: _Samples, tick: int) -> None:
-        signals = getattr(self.controller, "signals", None)
-        if signals is None:
-            return
-        for name, value in signals().items():
-            if name not in samples.signals:
-                if name.split("/")[0] in OWN_PLACES:
-                    raise UsageError(f"the signal {name!r} has the name of a record's own part")
-                samples.signals[name] = np.full((self.ticks + 1, *np.shape(value)), np.nan)
-            samples.signals[name][tick] = value
+        Raises:
+            SingularityError: If the plant's inertia is not positive definite.
+        """
+        samples, tick = self.samples, self._tick[0]
+        if status in (GAUGE_LOST, SINGULAR):
+            self._resolve_auxiliary()
+            return False
+        error = samples.tip[tick] - samples.desired[tick]
+        if (reason := divergence_reason(status, self.plant.now.z, error)) is None:
+            require_success(status)
+        self._diverged(t, str(reason))
+        return True
+
+    def _resolve_auxiliary(self) -> None:
+        """Keep a row of e^a whatever it takes; none any more from a kinematic singularity on."""
+        try:
+            while status := self._keep_auxiliary():
+                self._auxiliary.resolve(status)
+        except SingularityError:
+            self._evaluate = program(self._evaluation)
+
+    def _integrate(self, t: float) -> None:
+        """To the next tick."""
+        now = self.plant.now
+        try:
+            self.state.step(t)
+            for substep in range(1, self.substeps):
+                later = t + substep * self.dt / self.substeps
+                self.state.evaluate(later)
+                self.state.step(later)
+        except SingularityError:
+            # far and fast enough, rounding makes M indefinite before anything overflows
+            if (reason := divergence_reason(self._runs_away(), now.z, np.zeros(3))) is None:
+                raise
+            self._diverged(t + self.dt, reason)
+
+    def _diverged(self, t: float, reason: str) -> None:
+        self.samples.status, self.samples.message = "diverged", f"at t = {t:.6g} s: {reason}"
+
+    def _keep_signals(self, tick: int) -> None:
+        for name, value in self._signals().items():
+            self._rows_of(name, np.shape(value))[tick] = value
+
+    def _rows_of(self, name: str, shape: tuple[int, ...]) -> Array:
+        kept = self.samples.signals
+        if name not in kept:
+            if name.split("/")[0] in OWN_PLACES:
+                raise UsageError(f"the signal {name!r} has the name of a record's own part")
+            kept[name] = np.full((self.ticks + 1, *shape), np.nan)
+        return kept[name]
+
+    def _keeping(self) -> list[Call]:
+        """The steps that keep a row of the torque and of the signals that are overwritten in place."""
+        steps = [call(keep_finite, self._tick, self.plant.v, self.samples.torque)]
+        if getattr(self.controller, "signals_in_place", False):
+            for name, value in self._signals().items():
+                steps.append(
+                    call(keep_from, self._tick, value, 0, self._rows_of(name, value.shape))
+                )
+            self._signals = dict
+        return steps
 
     def record(self, samples: _Samples) -> Record:
         """The samples with what is measured of them."""
@@ -260,8 +345,8 @@ class _Loop:
         q, z = samples.q[:n], samples.z[:n]
         t = np.arange(n, dtype=float) * float(self.dt)
         task_error = samples.tip[:n] - samples.desired[:n]
-        criterion: Criterion = getattr(self.controller, "criterion", None) or Posture.of(self.robot)
-        auxiliary = _auxiliary_errors(self.robot, self.task_map, criterion, q)
+        auxiliary = samples.auxiliary[:n]
+        criterion = _criterion_of(self.controller, self.robot)
         run = Run(
             completed=samples.status == "ok",
             duration=self.ticks * self.dt,
@@ -274,6 +359,7 @@ class _Loop:
             auxiliary_error=auxiliary,
             compute_time=samples.compute_time[:n],
             work=samples.work,
+            constraint_residual=float(self._residual[0]),
             robot=self.robot,
             plant=self.plant.robot,
             task=self.task,
@@ -310,41 +396,70 @@ class _Loop:
         )
 
 
-def _auxiliary_errors(
-    robot: MobileManipulator, task_map: TaskMap, criterion: Criterion, q: Array
-) -> Array:
-    """e^a along a motion, shape (len(q), nz - m); NaN from a kinematic singularity on."""
-    errors = np.full((len(q), robot.nz - task_map.m), np.nan)
-    complement = None
-    for i, configuration in enumerate(q):
-        try:
-            errors[i], complement = auxiliary_coordinates(
-                robot, task_map, criterion, configuration, complement
-            )
-        except SingularityError:
-            break
-    return errors
+def _criterion_of(controller: Controller, robot: MobileManipulator) -> Criterion:
+    criterion: Criterion | None = getattr(controller, "criterion", None)
+    return Posture.of(robot) if criterion is None else criterion
 
 
-def _divergence(q: Array, z: Array, error: Array) -> str:
-    """Why the state counts as diverged; empty if it does not."""
-    if not (np.all(np.isfinite(q)) and np.all(np.isfinite(z))):
-        return "the state is not finite"
-    if not np.all(np.isfinite(error)):
-        return "the desired trajectory is not finite"
-    if np.abs(z).max() > _FASTEST:
-        return f"|z| is {np.abs(z).max():.3g}, above {_FASTEST:g}"
-    if np.abs(error).max() > _FARTHEST:
-        return f"|e^e| is {np.abs(error).max():.3g} m, above {_FARTHEST:g} m"
-    return ""
-
-
-def _as_torque(torque: Any) -> Array:
+def _checked_torque(torque: Any, like: Array) -> Array:
+    """A controller's torque as an array of that shape."""
     try:
-        return np.array(torque, dtype=float)
+        array = np.asarray(torque, dtype=float)
     except (TypeError, ValueError) as error:
         raise UsageError(f"the controller's torque is {torque!r}: it must be numbers") from error
+    if array.shape != like.shape:
+        raise UsageError(
+            f"the controller's torque has shape {array.shape}; the robot has {len(like)} motors"
+        )
+    return array
 
 
 def _name_of(thing: object) -> str:
     return str(getattr(thing, "name", type(thing).__name__))
+
+
+@kernel
+def keep(
+    tick: Index,
+    q: Vector,
+    z: Vector,
+    tip: Vector,
+    p_d: Matrix,
+    q_rows: Matrix,
+    z_rows: Matrix,
+    tip_rows: Matrix,
+    desired_rows: Matrix,
+) -> None:
+    """Write the tick's row of what is kept."""
+    row = tick[0]
+    for i in range(q.shape[0]):
+        q_rows[row, i] = q[i]
+    for i in range(z.shape[0]):
+        z_rows[row, i] = z[i]
+    for i in range(p_d.shape[1]):
+        tip_rows[row, i] = tip[i]
+        desired_rows[row, i] = p_d[0, i]
+
+
+@kernel
+def keep_finite(tick: Index, vector: Vector, rows: Matrix) -> int:
+    """Write the tick's row of a vector; 1 if an entry is not finite."""
+    for i in range(vector.shape[0]):
+        if not math.isfinite(vector[i]):
+            return 1
+        rows[tick[0], i] = vector[i]
+    return 0
+
+
+@kernel
+def keep_from(tick: Index, vector: Vector, first: int, rows: Matrix) -> None:
+    """Write the tick's row of a vector's entries from ``first`` on."""
+    for i in range(rows.shape[1]):
+        rows[tick[0], i] = vector[first + i]
+
+
+@kernel
+def largest_residual(A: Matrix, q_dot: Vector, largest: Vector) -> None:
+    """The largest entry of A q' up to now; it should be rounding only."""
+    for i in range(A.shape[0]):
+        largest[0] = max(largest[0], abs(dot(A[i], q_dot)))

@@ -2,57 +2,133 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import numpy as np
 
-from mobman.arrays import Array
-from mobman.simulation.plant import Instant, Plant
-
-
-class State(NamedTuple):
-    """The plant's state, and the work done on it since the start."""
-
-    q: Array
-    """Configuration (m, rad), shape (nq,)."""
-    z: Array
-    """Reduced velocity, shape (nz,)."""
-    work: float
-    """Integral of z^T (B v - D) (J)."""
+from mobman.arrays import Array, Matrix, Vector
+from mobman.kernels.kernel import kernel
+from mobman.kernels.program import Program, call, program
+from mobman.simulation.plant import Plant, require_success
 
 
-def rk4_step(
-    plant: Plant, t: float, state: State, torque: Array, h: float, now: Instant | None = None
-) -> State:
-    """The state a step later, under a held torque.
+class RungeKutta:
+    """The plant's state, and its steps under a held torque.
+
+    The state is in ``plant.now``; the quantities that depend on the velocity alone are there, too. At
+    each state the dynamics are evaluated once, and what was evaluated for a measurement
+    serves the step that follows.
 
     Args:
         plant: The plant.
-        t: Time (s).
-        state: State at t.
-        torque: v, shape (nz,).
-        h: Step (s).
-        now: ``plant.at(t, q, z)``, if it is known already.
+        q: Its configuration, shape (nq,).
+        z: Its reduced velocity, shape (nz,).
+        h: Length of a step (s).
+
+    Attributes:
+        work: Integral of z^T (B v - D) since the start (J), shape (1,).
     """
-    q, z, work = state
-    instant = plant.at(t, q, z) if now is None else now
-    dq1, dz1, power1 = _slopes(instant, z, torque)
-    dq2, dz2, power2 = _slopes_at(plant, t + 0.5 * h, q + 0.5 * h * dq1, z + 0.5 * h * dz1, torque)
-    dq3, dz3, power3 = _slopes_at(plant, t + 0.5 * h, q + 0.5 * h * dq2, z + 0.5 * h * dz2, torque)
-    dq4, dz4, power4 = _slopes_at(plant, t + h, q + h * dq3, z + h * dz3, torque)
+
+    def __init__(self, plant: Plant, q: Array, z: Array, h: float) -> None:
+        self.plant = plant
+        self._h = float(h)
+        self.work = np.zeros(1)
+        now, robot = plant.now, plant.robot
+        now.q[:] = q
+        now.z[:] = z
+        q_0, z_0 = now.q.copy(), now.z.copy()
+        q_slopes, z_slopes = np.zeros((4, robot.nq)), np.zeros((4, robot.nz))
+        power = np.zeros((4, 1))
+        stages: list[Program] = []
+        for i, fraction in enumerate((0.5, 0.5, 1.0, 0.0)):
+            slopes = [
+                plant.acceleration_step(z_slopes[i], power[i]),
+                call(_copy, now.q_dot, q_slopes[i]),
+            ]
+            to_the_next = (
+                call(_go, q_0, z_0, q_slopes[i], z_slopes[i], fraction * self._h, now.q, now.z)
+                if i < 3
+                else call(
+                    _finish,
+                    *(q_0, z_0, q_slopes, z_slopes, power, self._h),
+                    *(now.q, now.z, self.work),
+                )
+            )
+            dynamics = plant.dynamics_steps() if i else []
+            stages.append(program([*dynamics, *slopes, to_the_next, *now.velocity_steps()]))
+        self._stages = stages
+        self._dynamics = program(plant.dynamics_steps())
+        program(now.velocity_steps())()
+
+    def evaluate(self, t: float) -> None:
+        """Evaluate the dynamics at the state and the time t (s).
+
+        Raises:
+            SingularityError: If M is not positive definite.
+        """
+        self.plant.now.run_dynamics()
+        self.plant.disturb(t)
+        require_success(self._dynamics())
+
+    def step(self, t: float) -> None:
+        """Go on from t to t + h under the plant's torque; the dynamics are evaluated at the state.
+
+        Raises:
+            SingularityError: If M is not positive definite somewhere on the way.
+        """
+        plant, h = self.plant, self._h
+        first, second, third, fourth = self._stages
+        run_dynamics = plant.now.run_dynamics
+        status = first()
+        if plant.disturbed:
+            plant.disturb(t + 0.5 * h)
+        run_dynamics()
+        status |= second()
+        run_dynamics()
+        status |= third()
+        if plant.disturbed:
+            plant.disturb(t + h)
+        run_dynamics()
+        require_success(status | fourth())
+
+
+@kernel
+def _copy(a: Vector, to: Vector) -> None:
+    for i in range(a.shape[0]):
+        to[i] = a[i]
+
+
+@kernel
+def _go(
+    q_0: Vector, z_0: Vector, q_slope: Vector, z_slope: Vector, h: float, q: Vector, z: Vector
+) -> None:
+    """The state where the next slopes are taken."""
+    for i in range(q.shape[0]):
+        q[i] = q_0[i] + h * q_slope[i]
+    for i in range(z.shape[0]):
+        z[i] = z_0[i] + h * z_slope[i]
+
+
+@kernel
+def _finish(
+    q_0: Vector,
+    z_0: Vector,
+    q_slopes: Matrix,
+    z_slopes: Matrix,
+    power: Matrix,
+    h: float,
+    q: Vector,
+    z: Vector,
+    work: Vector,
+) -> None:
+    """The state a step later, from the four slopes; also where the next step starts."""
     sixth = h / 6.0
-    return State(
-        q + sixth * (dq1 + 2.0 * (dq2 + dq3) + dq4),
-        z + sixth * (dz1 + 2.0 * (dz2 + dz3) + dz4),
-        work + float(sixth * (power1 + 2.0 * (power2 + power3) + power4)),
-    )
-
-
-def _slopes_at(
-    plant: Plant, t: float, q: Array, z: Array, torque: Array
-) -> tuple[Array, Array, float]:
-    return _slopes(plant.at(t, q, z), z, torque)
-
-
-def _slopes(instant: Instant, z: Array, torque: Array) -> tuple[Array, Array, float]:
-    """q', z' and the power that goes into the robot."""
-    force = instant.force(torque)
-    return instant.q_dot, instant.factor.solve(force - instant.bias), float(z @ force)
+    for i in range(q.shape[0]):
+        q_0[i] += sixth * (
+            q_slopes[0, i] + 2.0 * (q_slopes[1, i] + q_slopes[2, i]) + q_slopes[3, i]
+        )
+        q[i] = q_0[i]
+    for i in range(z.shape[0]):
+        z_0[i] += sixth * (
+            z_slopes[0, i] + 2.0 * (z_slopes[1, i] + z_slopes[2, i]) + z_slopes[3, i]
+        )
+        z[i] = z_0[i]
+    work[0] += sixth * (power[0, 0] + 2.0 * (power[1, 0] + power[2, 0]) + power[3, 0])

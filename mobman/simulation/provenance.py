@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from mobman.version import __version__
 
-_LIBRARIES = ("pin", "example-robot-data", "numpy", "scipy", "h5py")
+_LIBRARIES = ("pin", "example-robot-data", "numpy", "scipy", "numba", "h5py")
 
 
 def versions() -> dict[str, str]:
     """Versions of mobman, Python and the libraries that compute."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
     found = {"mobman": __version__, "python": platform.python_version()}
     for library in _LIBRARIES:
         try:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import UsageError
+from mobman.kernels.program import Call, call
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap, task_map_for
@@ -20,7 +21,8 @@ class Task(Protocol):
     """A desired trajectory of the tip; any object with this method is one.
 
     Optional attributes: ``period`` (s), where the path closes, for the metric of repeatability;
-    ``duration`` (s), how long it is defined; ``name``, for records.
+    ``duration`` (s), how long it is defined; ``name``, for records; ``steps(t, p_d) -> list[Call]``,
+    kernels that do the same as ``desired`` (:func:`task_steps`).
     """
 
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
@@ -61,18 +63,24 @@ def make_task(name: str, robot: MobileManipulator | str, q0: Array | None = None
     return tasks.get(name)(robot, robot.q_rest if q0 is None else robot.checked_configuration(q0))
 
 
-class Desired(NamedTuple):
-    """A trajectory's value and first three derivatives at one time, each of shape (m,)."""
+def task_steps(task: Task, t: Array, p_d: Array) -> list[Call]:
+    """Steps of a program that write p_d and its derivatives at a time into an array.
 
-    p: Array
-    p_dot: Array
-    p_ddot: Array
-    p_dddot: Array
+    Args:
+        task: The task.
+        t: The time (s), shape (1,); read when the steps run.
+        p_d: For the four vectors, shape (4, m).
+    """
+    steps = getattr(task, "steps", None)
+    if steps is not None:
+        own: list[Call] = steps(t, p_d)
+        return own
 
+    def desire() -> None:
+        for row, part in enumerate(task.desired(float(t[0]))):
+            p_d[row] = part
 
-def desired_at(task: Task, t: float) -> Desired:
-    """``task.desired(t)`` as float arrays."""
-    return Desired(*(np.asarray(part, dtype=float) for part in task.desired(t)))
+    return [call(desire)]
 
 
 def task_map_of(task: Task) -> TaskMap:

@@ -151,7 +151,10 @@ def test_interrupted_suite_keeps_what_was_done_and_goes_on(tmp_path):
         start_new_session=True,
     )
     assert process.stderr is not None
-    assert process.stderr.readline().startswith("[1/8]")
+    first = process.stderr.readline()
+    if first.startswith("mobman: compiling its kernels"):  # the first process on a machine
+        first = process.stderr.readline()
+    assert first.startswith("[1/8]")
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130

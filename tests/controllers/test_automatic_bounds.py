@@ -7,7 +7,7 @@ import pytest
 
 import mobman as mm
 from mobman.controllers.sliding.bounds import sampled_states
-from mobman.controllers.task_space import ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
 from mobman.tasks.criteria.posture import Posture
 
 
@@ -18,9 +18,9 @@ def _settings(law, robot, task, **gains):
 
 
 def _eigenvalues(robot, task, space):
-    rest = np.zeros(robot.nz)
+    rest, errors = np.zeros(robot.nz), ErrorsAlong(space)
     for t, q in sampled_states(robot, task):
-        jacobian = space.errors(t, q, rest, robot.velocity(q, rest)).J
+        jacobian = errors.at(t, q, rest).J
         yield np.linalg.eigvalsh(jacobian @ jacobian.T)[0]
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.stages import DynamicStageAlone
 
-from mobman.controllers.sliding.dynamic_stage import DynamicGains, DynamicStage
-from mobman.model.mobile_manipulator import Dynamics
+from mobman.controllers.sliding.dynamic_stage import DynamicGains
 
 DT = 1e-3
 INERTIA = np.array([[3.0, 0.4], [0.4, 1.0]])
@@ -20,24 +20,26 @@ def _reference(t):
     return np.sin(w * t), (1.0 - np.cos(w * t)) / w, w * np.cos(w * t)
 
 
-def _stage(dt=DT, **options):
+def _stage(dt=DT, inertia=INERTIA, **options):
     usual = {
         "inverse": False, "discretization": "implicit", "boundary_layer": 0.0, "metric_scale": 1.0,
     }  # fmt: skip
-    return DynamicStage(DynamicGains(A=0.05), 0.05, 2, dt, **{**usual, **options})
+    return DynamicStageAlone(
+        DynamicGains(A=0.05), 0.05, dt, inertia, ACTUATION, **{**usual, **options}
+    )
 
 
 def _run(inertia=INERTIA, disturbance=0.0, duration=4.0, dt=DT, **options):
     """|E| and |E'| over time; the plant has ``inertia``, the stage supposes INERTIA."""
-    stage = _stage(dt, **options)
-    nominal = Dynamics(INERTIA, np.zeros(2), ACTUATION)
+    alone = _stage(dt, **options)
+    stage = alone.stage
     z, sizes = START.copy(), []
     for tick in range(round(duration / dt)):
         v_ref, integral, rate = _reference(tick * dt)
         push = disturbance * np.sin(3.0 * tick * dt + np.arange(2))
         z_dot = np.linalg.solve(inertia, ACTUATION @ stage.v + push)
         sizes.append((np.linalg.norm(z - integral), np.linalg.norm(z_dot - v_ref)))
-        torque = stage.step(z, z_dot, v_ref, integral, rate, nominal)
+        torque = alone.step(z, z_dot, v_ref, integral, rate)
         z = z + dt * np.linalg.solve(inertia, ACTUATION @ torque + push)
     return np.array(sizes).T
 
@@ -78,10 +80,9 @@ def test_smaller_metric_is_slower_but_arrives(scale):
 
 def test_metric_scale_is_a_factor_of_the_inertia():
     one = _stage(metric_scale=0.5)
-    other = _stage()
+    other = _stage(inertia=0.5 * INERTIA)
     arguments = (START, -START, *np.ones((3, 2)))
-    scaled = one.step(*arguments, Dynamics(INERTIA, np.zeros(2), ACTUATION))
-    plain = other.step(*arguments, Dynamics(0.5 * INERTIA, np.zeros(2), ACTUATION))
+    scaled, plain = one.step(*arguments), other.step(*arguments)
     assert np.array_equal(scaled, plain)
 
 
@@ -103,11 +104,9 @@ def test_torque_is_integrated_from_zero():
     steps = []
     none = np.zeros(2)
     for dt in (1e-3, 1e-4):
-        stage = _stage(dt, discretization="explicit")
-        assert not stage.v.any()
+        alone = _stage(dt, discretization="explicit")
+        assert not alone.stage.v.any()
         # at rest, with v_ref = (1, 1): E' = -v_ref is all that chi and S see
-        steps.append(
-            stage.step(none, none, np.ones(2), none, none, Dynamics(INERTIA, none, ACTUATION))
-        )
+        steps.append(alone.step(none, none, np.ones(2), none, none))
     assert np.allclose(steps[0], 10.0 * steps[1])
     assert steps[0].any()

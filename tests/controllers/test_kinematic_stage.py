@@ -4,33 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.stages import KinematicStageAlone
 
-from mobman.controllers.sliding.kinematic_stage import KinematicGains, KinematicStage
-from mobman.controllers.task_space import TaskErrors
+from mobman.controllers.sliding.kinematic_stage import KinematicGains
 
 DT = 1e-3
-
-
-def _errors(e, e_dot, p_ddot, p_dddot, p):
-    return TaskErrors(e, e_dot, np.eye(p), np.zeros(p), p_ddot, p_dddot)
 
 
 def _run(start, duration, *, discretization="implicit", a=1.0, desired=None, lambda_1=11.0):
     """|e| of f''' = v_ref', f' = z, f(0) = start, z' = v_ref exactly."""
     p = len(start)
     gains = KinematicGains(a=a, lambda_1=lambda_1)
-    stage = KinematicStage(gains, a, p, p, DT, discretization, 0.0)
+    alone = KinematicStageAlone(gains, a, p, DT, discretization, 0.0)
     f, f_dot = start.copy(), np.zeros(p)
     sizes = []
     for tick in range(round(duration / DT)):
         t = tick * DT
         r, r_dot, r_ddot, r_dddot = np.zeros((4, p)) if desired is None else desired(t)
-        f_ddot = stage.v_ref.copy()
-        v_ref_dot = stage.step(_errors(f - r, f_dot - r_dot, r_ddot, r_dddot, p), 0.0, f_dot)
+        f_ddot = alone.stage.v_ref.copy()
+        v_ref_dot = alone.step(f - r, f_dot - r_dot, r_ddot, r_dddot, f_dot)
         sizes.append(np.linalg.norm(f - r))
         f = f + DT * f_dot + DT**2 / 2 * f_ddot + DT**3 / 6 * v_ref_dot
         f_dot = f_dot + DT * f_ddot + DT**2 / 2 * v_ref_dot
-        stage.advance()
+        alone.advance()
     return np.array(sizes)
 
 
@@ -74,18 +70,16 @@ def test_explicit_form_chatters_where_the_implicit_one_does_not():
 
 
 def test_sliding_variable_starts_as_the_acceleration_error():
-    stage = KinematicStage(KinematicGains(a=1.0), 1.0, 2, 2, DT, "implicit", 0.0)
+    alone = KinematicStageAlone(KinematicGains(a=1.0), 1.0, 2, DT, "implicit", 0.0)
     p_ddot = np.array([3.0, -1.0])
-    stage.step(_errors(np.ones(2), np.ones(2), p_ddot, np.zeros(2), 2), 0.0, np.zeros(2))
-    assert np.allclose(stage.s, -p_ddot)
+    alone.step(np.ones(2), np.ones(2), p_ddot, np.zeros(2), np.zeros(2))
+    assert np.allclose(alone.stage.s, -p_ddot)
 
 
 def test_reference_is_integrated_exactly():
     """v_ref' is constant over a tick, so v_ref and its integral are polynomials."""
-    stage = KinematicStage(KinematicGains(a=1.0), 1.0, 1, 1, 0.1, "implicit", 0.0)
-    rate = stage.step(
-        _errors(np.ones(1), np.zeros(1), np.zeros(1), np.zeros(1), 1), 0.0, np.zeros(1)
-    )
-    stage.advance()
-    assert np.allclose(stage.v_ref, 0.1 * rate)
-    assert np.allclose(stage.integral_v_ref, 0.1**2 / 2 * rate)
+    alone = KinematicStageAlone(KinematicGains(a=1.0), 1.0, 1, 0.1, "implicit", 0.0)
+    rate = alone.step(np.ones(1), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1))
+    alone.advance()
+    assert np.allclose(alone.stage.v_ref, 0.1 * rate)
+    assert np.allclose(alone.stage.integral_v_ref, 0.1**2 / 2 * rate)

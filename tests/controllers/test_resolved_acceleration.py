@@ -8,7 +8,7 @@ from support.states import random_states
 
 import mobman as mm
 from mobman.controllers.computed_torque import computed_torque
-from mobman.controllers.task_space import ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
 from mobman.simulation.plant import Plant
 from mobman.tasks.criteria.posture import Posture
 
@@ -26,7 +26,7 @@ def _acceleration(robot, law, q, z, **gains):
     controller = mm.make_controller(law, **gains)
     controller.reset(robot, mm.make_task("circle", robot), 1e-3)
     torque = controller.step(T, q, z, np.zeros(robot.nz))
-    return Plant(robot).at(T, q, z).acceleration(torque)
+    return Plant(robot).acceleration(T, q, z, torque)
 
 
 def _errors(robot, q, z, extended):
@@ -34,15 +34,16 @@ def _errors(robot, q, z, extended):
     space = (
         ExtendedTaskSpace(robot, task, Posture.of(robot)) if extended else TipTaskSpace(robot, task)
     )
-    return space.errors(T, q, z, robot.velocity(q, z))
+    return ErrorsAlong(space).at(T, q, z)
 
 
 def test_computed_torque_gives_the_wanted_acceleration(robot):
     random = np.random.default_rng(71)
     for q, z in random_states(robot, 20):
         wanted = random.standard_normal(robot.nz)
-        torque = computed_torque(robot, q, z, wanted, robot.velocity(q, z))
-        assert np.allclose(Plant(robot).at(0.0, q, z).acceleration(torque), wanted, atol=1e-9)
+        force, torque, work = *np.zeros((2, robot.nz)), np.zeros((robot.nz, robot.nz))
+        assert computed_torque(*robot.dynamics(q, z), wanted, force, torque, work) == 0
+        assert np.allclose(Plant(robot).acceleration(0.0, q, z, torque), wanted, atol=1e-9)
 
 
 @pytest.mark.parametrize("law", ["pseudo-inverse", "extended-jacobian"])

@@ -11,6 +11,7 @@ from support.runs import Still, Torque
 
 import mobman as mm
 from mobman.errors import SingularityError, UsageError
+from mobman.simulation.plant import true_robot
 
 ARRAYS = ("t", "q", "z", "torque", "tip_position", "task_error", "auxiliary_error", "compute_time")
 
@@ -44,6 +45,24 @@ def test_huge_torque(youbot, torque, reason):
     _is_a_result(record, "diverged")
     assert 0.1 <= record.t[-1] < 0.2
     assert re.fullmatch(rf"at t = 0\.1\d* s: {reason}", record.message)
+
+
+@pytest.mark.parametrize("torque", [1e6, 1e8, 1e12, 1e300])
+@pytest.mark.parametrize("dt", [2e-3, 0.01])
+def test_state_that_runs_away_within_a_tick(youbot, torque, dt):
+    """Far and fast enough, rounding makes the inertia indefinite: that is no singularity."""
+    record = _run(youbot, _from(0.1, torque), dt=dt)
+    _is_a_result(record, "diverged")
+    assert re.fullmatch(
+        r"at t = 0\.1\d* s: (the state is not finite|\|z\| is .*, above 10000)", record.message
+    )
+
+
+def test_plant_whose_inertia_is_not_positive_definite(youbot):
+    plant = true_robot(youbot, 0.0)  # of no mass
+    record = _run(youbot, _from(0.1, 1.0), plant=plant)
+    _is_a_result(record, "singular")
+    assert record.message == "at t = 0 s: the plant's inertia M is not positive definite"
 
 
 def test_tip_that_is_left_behind(youbot):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
+from copy import copy
 
 import numpy as np
 import pytest
-from support.runs import Still, hand_made_run
+from support.runs import Still, Torque, hand_made_run
 
+import mobman as mm
 from mobman.simulation.metrics.metric import compute_metrics, list_metrics, metrics
+from mobman.simulation.plant import true_robot
 
 
 def _value(name, run):
@@ -158,16 +160,24 @@ def test_torque_step_is_judged_after_the_first_second(youbot):
 
 
 def test_constraint_residual_is_that_of_the_true_robot(youbot):
-    plant = SimpleNamespace(
-        constraint_matrix=lambda q: np.array([[1.0, 0.0], [0.0, 2.0]]),
-        velocity_map=lambda q: np.eye(2),
-        energy=youbot.energy,
-    )
-    z = np.zeros((1001, 2))
-    z[7] = (0.1, -0.2)
-    assert np.isclose(_value("constraint_residual", hand_made_run(youbot, z=z, plant=plant)), 0.4)
-    moving = np.ones((1001, 5))
-    assert _value("constraint_residual", hand_made_run(youbot, z=moving)) < 1e-12
+    """The largest of the run, and |A x'| of the plant where that is not 0."""
+
+    def constraints(parameters, x, A, A_x):
+        A[:], A_x[:] = 0.0, 0.0
+        A[0, 3], A[1, 4] = 1.0, 2.0  # no wheel turns
+
+    plant = true_robot(youbot, 2.0)
+    plant.platform = copy(youbot.platform)
+    plant.platform._equations = youbot.platform.equations._replace(constraints=constraints)
+    push = np.array([4.0, -6.0, 0.0, 0.0, 0.0])
+    controller = Torque(lambda t: push if t < 0.015 else -push)
+    found = mm.simulate(youbot, controller, "circle", duration=0.03, plant=plant)
+    turning = np.abs(found.z[:, :2] * youbot.platform.kappa) @ np.diag([1.0, 2.0])
+    assert np.isclose(found.metrics["constraint_residual"], turning.max())
+    assert turning[-1].max() < 0.9 * turning.max()
+    right = mm.simulate(youbot, controller, "circle", duration=0.03)
+    assert 0.0 < right.metrics["constraint_residual"] < 1e-12
+    assert _value("constraint_residual", hand_made_run(youbot, constraint_residual=0.4)) == 0.4
 
 
 def test_energy_residual_compares_what_was_gained_with_what_was_done(youbot):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.controllers.task_space import ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
 from mobman.tasks.criteria.posture import Posture
 from support.inclusions import inclusion
 
@@ -24,17 +24,18 @@ class ReferenceLaw:
         self.implicit = gains["discretization"] == "implicit"
         self.g = gains
         criterion = Posture.of(robot, gains["c_F"])
-        self.space = (
+        space = (
             TipTaskSpace(robot, task) if simplified else ExtendedTaskSpace(robot, task, criterion)
         )
+        self.errors = ErrorsAlong(space)
         self.v_ref, self.integral_v_ref = np.zeros(robot.nz), np.zeros(robot.nz)
-        self.integral_31, self.integral_51 = np.zeros(self.space.p), np.zeros(robot.nz)
+        self.integral_31, self.integral_51 = np.zeros(space.p), np.zeros(robot.nz)
         self.v = np.zeros(robot.nz)
 
     def step(self, t, q, z, z_dot):
         g, dt, norm = self.g, self.dt, np.linalg.norm
         m, _, b = self.robot.dynamics(q, z)
-        f = self.space.errors(t, q, z, self.robot.velocity(q, z))
+        f = self.errors.at(t, q, z)
         # kinematic stage
         e_ddot = f.J @ self.v_ref + f.J_dot_z - f.p_ddot
         inner = power(f.e_dot, 9 / 7) + g["lambda_0"] ** (9 / 7) * f.e

@@ -50,6 +50,7 @@ def hand_made_run(robot, *, duration=10.0, dt=0.01, **changes) -> Run:
         "auxiliary_error": np.zeros((n, robot.nz - 3)),
         "compute_time": np.full(n, 1e-4),
         "work": 0.0,
+        "constraint_residual": 0.0,
         "robot": robot,
         "plant": robot,
         "task": Still(np.zeros(3)),

@@ -7,7 +7,8 @@ import pytest
 
 import mobman as mm
 from mobman.errors import UnknownNameError, UsageError
-from mobman.tasks.task import desired_at, task_map_of
+from mobman.kernels.program import program
+from mobman.tasks.task import task_map_of, task_steps
 
 
 class Fixed:
@@ -35,9 +36,9 @@ def test_dimension_is_that_of_the_desired_point(m):
 
 
 def test_lists_will_do():
-    desired = desired_at(Fixed([1, 2], [3, 4], [5, 6], [7, 8]), 0.0)
-    assert desired.p.dtype == desired.p_dddot.dtype == np.float64
-    assert desired.p_dot.tolist() == [3.0, 4.0]
+    p_d = np.zeros((4, 2))
+    assert program(task_steps(Fixed([1, 2], [3, 4], [5, 6], [7, 8]), np.zeros(1), p_d))() == 0
+    assert p_d.tolist() == [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0]]
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from mobman.arrays import Array
 from mobman.controllers.computed_torque import RedundancyGains
 from mobman.controllers.gains import gain, require_positive
 from mobman.controllers.laws.pseudo_inverse import PseudoInverse
@@ -33,11 +30,10 @@ class DampedLeastSquares(PseudoInverse):
     Gains = DampedGains
     gains: DampedGains
 
-    def task_inverse(self, jacobian: Array, pseudo_inverse: Array) -> Array:
-        """The damped inverse, shape (nz, m)."""
-        gram = jacobian @ jacobian.T
-        gram[np.diag_indices_from(gram)] += self.gains.mu**2
-        return np.asarray(np.linalg.solve(gram, jacobian).T, dtype=float)
+    @property
+    def damping(self) -> float:  # type: ignore[override]
+        """mu."""
+        return float(self.gains.mu)
 
 
 controllers.register(DampedLeastSquares.name, DampedLeastSquares)

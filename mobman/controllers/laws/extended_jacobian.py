@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from mobman.arrays import Array
-from mobman.controllers.computed_torque import TrackingGains, computed_torque
-from mobman.controllers.criterion import posture_criterion
-from mobman.controllers.gains import (
-    Diagonal,
-    as_settings,
-    gain,
-    require_positive,
-    require_positive_diagonal,
+from mobman.arrays import Array, Matrix, Vector
+from mobman.controllers.computed_torque import (
+    NO_ACCELERATION,
+    ResolvedAcceleration,
+    TrackingGains,
+    tracking_acceleration,
 )
+from mobman.controllers.gains import Diagonal, gain, require_positive, require_positive_diagonal
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_space import ExtendedTaskSpace
+from mobman.controllers.task_space import ExtendedTaskSpace, TaskSpace
+from mobman.kernels import lu
+from mobman.kernels.kernel import kernel
+from mobman.kernels.program import Call, call
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
+
+_solve = lu.solve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +41,7 @@ class ExtendedGains(TrackingGains):
             require_positive_diagonal(self, "K_F")
 
 
-class ExtendedJacobian:
+class ExtendedJacobian(ResolvedAcceleration):
     r"""Input-output linearisation of the extended task (13), and computed torque:
 
     .. math:: \dot z = J^{-1}(\ddot p_d - K_v \dot e - K_p e - \dot J z),
@@ -52,27 +54,30 @@ class ExtendedJacobian:
     name = "extended-jacobian"
     Gains = ExtendedGains
 
-    def __init__(self, gains: ExtendedGains) -> None:
-        self.gains = gains
+    def task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
+        """e = (e^e, e^a) of (13)."""
+        return ExtendedTaskSpace(robot, task, self.criterion)
 
-    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start anew; the law's only state is the axes of e^a."""
-        self._robot = robot
-        self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
-        self._space = ExtendedTaskSpace(robot, task, self.criterion)
+    def acceleration_steps(
+        self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
+    ) -> list[Call]:
+        """See :class:`ResolvedAcceleration`."""
+        gains, errors, nz = self.gains, space.errors, robot.nz
+        wanted = np.zeros(nz)
+        return [
+            call(
+                tracking_acceleration,
+                *(errors.p_ddot, errors.e, errors.e_dot, errors.J_dot_z),
+                *(float(gains.K_p), float(gains.K_v), wanted),
+            ),
+            call(_resolve, errors.J, wanted, z_dot, np.zeros((nz, nz))),
+        ]
 
-    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
-        """The torque for the tick, shape (nz,)."""
-        gains = self.gains
-        velocity = self._robot.velocity(q, z)
-        errors = self._space.errors(t, q, z, velocity)
-        wanted = errors.p_ddot - gains.K_v * errors.e_dot - gains.K_p * errors.e - errors.J_dot_z
-        z_dot_wanted = np.asarray(np.linalg.solve(errors.J, wanted), dtype=float)
-        return computed_torque(self._robot, q, z, z_dot_wanted, velocity)
 
-    def settings(self) -> dict[str, Any]:
-        """The gains."""
-        return as_settings(self.gains)
+@kernel
+def _resolve(J: Matrix, wanted: Vector, z_dot: Vector, work: Matrix) -> int:
+    """z' = J^-1 wanted."""
+    return NO_ACCELERATION if _solve(J, wanted, z_dot, work) != 0 else 0
 
 
 controllers.register(ExtendedJacobian.name, ExtendedJacobian)

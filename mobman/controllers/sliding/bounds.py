@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.task_space import TaskSpace
+from mobman.controllers.task_space import ErrorsAlong, TaskSpace
 from mobman.errors import SingularityError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
@@ -58,9 +58,10 @@ def jacobian_bound(robot: MobileManipulator, task: Task, space: TaskSpace) -> fl
     """
     none = np.zeros(robot.nz)
     least = math.inf
+    errors = ErrorsAlong(space)
     for t, q in [(0.0, robot.q_rest), *sampled_states(robot, task)]:
         try:
-            jacobian = space.errors(t, q, none, robot.velocity(q, none)).J
+            jacobian = errors.at(t, q, none).J
         except SingularityError:
             continue  # (15) supposes that such configurations are not met
         least = min(least, float(np.linalg.svd(jacobian, compute_uv=False)[-1] ** 2))

@@ -20,12 +20,19 @@ from mobman.controllers.gains import (
 )
 from mobman.controllers.sliding.bounds import actuation_bound, inertia_bound, jacobian_bound
 from mobman.controllers.sliding.discretization import DISCRETIZATIONS, Discretization
-from mobman.controllers.sliding.dynamic_stage import DynamicGains, DynamicStage
+from mobman.controllers.sliding.dynamic_stage import NO_INVERSE, DynamicGains, DynamicStage
 from mobman.controllers.sliding.kinematic_stage import KinematicGains, KinematicStage
+from mobman.controllers.sliding.unit_vector import NOT_DEFINITE
 from mobman.controllers.task_space import TaskSpace
-from mobman.errors import UsageError
+from mobman.errors import SingularityError, UsageError
+from mobman.kernels.program import program
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
+
+_REASONS = {
+    NOT_DEFINITE: "the nominal inertia M is not positive definite",
+    NO_INVERSE: "the actuation matrix B has no inverse",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +67,7 @@ class CascadedSlidingControl:
     """
 
     inverse_actuation = False
+    signals_in_place = True
 
     def __init__(self, gains: SlidingGains) -> None:
         self.gains = gains
@@ -77,14 +85,13 @@ class CascadedSlidingControl:
         """
         gains = self.gains
         self.criterion = posture_criterion(robot, gains.c_F, gains.K_F)
+        a, bound = self._bounds(robot, task)
+        self._settings = {**as_settings(gains), "a": a, "A": bound}
         space = self.task_space(robot, task)
-        a, bound = self._bounds(robot, task, space)
-        self._robot = robot
-        self._space = self.task_space(robot, task)
-        self._kinematic = KinematicStage(
-            gains, a, space.p, robot.nz, dt, gains.discretization, gains.boundary_layer
+        kinematic = KinematicStage(
+            gains, a, space.errors, dt, gains.discretization, gains.boundary_layer
         )
-        self._dynamic = DynamicStage(
+        dynamic = DynamicStage(
             gains,
             bound,
             robot.nz,
@@ -94,25 +101,44 @@ class CascadedSlidingControl:
             boundary_layer=gains.boundary_layer,
             metric_scale=gains.metric_scale,
         )
-        self._settings = {**as_settings(gains), "a": a, "A": bound}
+        now = space.workspace
+        self._space, self._now = space, now
+        self._kinematic, self._dynamic = kinematic, dynamic
+        self._z_dot = np.zeros(robot.nz)
+        self._velocity = program(now.velocity_steps())
+        self._law = program(
+            [
+                *space.steps(),
+                *now.inertia_steps(),
+                *kinematic.steps(now.q, robot.q_rest, now.z),
+                *dynamic.steps(
+                    now.z,
+                    self._z_dot,
+                    kinematic.integral_v_ref,
+                    kinematic.v_ref,
+                    kinematic.v_ref_dot,
+                    now.M,
+                    now.B,
+                ),
+                *kinematic.advance_steps(),
+            ]
+        )
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque v for the tick, shape (nz,); see :class:`Controller`."""
-        robot, kinematic, dynamic = self._robot, self._kinematic, self._dynamic
-        deviation = q - robot.q_rest
-        velocity = robot.velocity(q, z)
-        errors = self._space.errors(t, q, z, velocity)
-        v_ref_dot = kinematic.step(errors, float(np.sqrt(deviation @ deviation)), z)
-        torque = dynamic.step(
-            z,
-            z_dot,
-            kinematic.v_ref,
-            kinematic.integral_v_ref,
-            v_ref_dot,
-            robot.dynamics(q, z, velocity),
-        )
-        kinematic.advance()
-        return torque
+        now = self._now
+        now.q[:] = q
+        now.z[:] = z
+        self._z_dot[:] = z_dot
+        self._space.t[0] = t
+        self._velocity()
+        now.run_jacobians()
+        now.run_inertia()
+        while status := self._law():
+            if reason := _REASONS.get(status):
+                raise SingularityError(reason)
+            self._space.resolve(status)
+        return self._dynamic.v.copy()
 
     def settings(self) -> dict[str, Any]:
         """The gains; after :meth:`reset`, with the numbers that "auto" became."""
@@ -122,12 +148,10 @@ class CascadedSlidingControl:
         """The sliding variables of the last tick: s of (31) and S of (51)."""
         return {"sliding/s": self._kinematic.s, "sliding/S": self._dynamic.S}
 
-    def _bounds(
-        self, robot: MobileManipulator, task: Task, space: TaskSpace
-    ) -> tuple[float, float]:
+    def _bounds(self, robot: MobileManipulator, task: Task) -> tuple[float, float]:
         a, bound = self.gains.a, self.gains.A
         if isinstance(a, str):
-            a = jacobian_bound(robot, task, space)
+            a = jacobian_bound(robot, task, self.task_space(robot, task))
         if isinstance(bound, str):
             bound = (
                 inertia_bound(robot, task)

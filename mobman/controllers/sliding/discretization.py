@@ -4,32 +4,39 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
+
 from mobman.arrays import Array
-from mobman.controllers.sliding.unit_vector import implicit_unit_vector, unit_vector
+from mobman.controllers.sliding.unit_vector import explicit_unit_vector, implicit_unit_vector
+from mobman.kernels.program import Call, call
 
 Discretization = Literal["implicit", "explicit"]
 DISCRETIZATIONS: tuple[Discretization, ...] = ("implicit", "explicit")
 
 
-def sampled_unit_vector(
+def unit_vector_steps(
     discretization: Discretization,
     boundary_layer: float,
     s: Array,
-    drift: Array,
+    b: Array,
     metric: Array,
     gram: Array,
-) -> Array:
-    """n for a tick that starts at s.
+    n: Array,
+) -> list[Call]:
+    """Steps that choose n for a tick that starts at s.
 
     Args:
         discretization: ``"implicit"``, the unit vector of s at the tick's end, or ``"explicit"``, as
             printed, at its start.
         boundary_layer: Width of the boundary layer, 0 for none.
         s: The sliding variable now, shape (p,).
-        drift: What is known of its change over the tick without control, shape (p,).
+        b: What it would be at the tick's end without control, shape (p,).
         metric: See :func:`implicit_unit_vector`.
         gram: See :func:`implicit_unit_vector`.
+        n: For the result, shape (p,).
     """
+    layer = float(boundary_layer)
     if discretization == "explicit":
-        return unit_vector(s, boundary_layer)
-    return implicit_unit_vector(metric, gram, s + drift, boundary_layer)
+        return [call(explicit_unit_vector, s, layer, n)]
+    work = (np.zeros_like(s), np.zeros_like(gram), np.zeros_like(s))
+    return [call(implicit_unit_vector, metric, gram, b, layer, n, *work)]

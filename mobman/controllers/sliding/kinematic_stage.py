@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Matrix, Vector
 from mobman.controllers.gains import (
     Auto,
     Diagonal,
@@ -18,9 +18,12 @@ from mobman.controllers.gains import (
     require_positive,
     require_positive_diagonal,
 )
-from mobman.controllers.sliding.discretization import Discretization, sampled_unit_vector
+from mobman.controllers.sliding.discretization import Discretization, unit_vector_steps
 from mobman.controllers.sliding.signed_power import signed_power
 from mobman.controllers.task_space import TaskErrors
+from mobman.kernels.dense import apply_transpose, dot, gram, norm
+from mobman.kernels.kernel import kernel
+from mobman.kernels.program import Call, call
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,79 +57,169 @@ class KinematicStage:
     Args:
         gains: Gains.
         a: The bound of (22) in force.
-        p: Number of task errors.
-        nz: Length of z.
+        errors: The task errors, which the steps below read.
         dt: Sampling period (s).
-        discretization: See :func:`sampled_unit_vector`.
+        discretization: See :func:`unit_vector_steps`.
         boundary_layer: Width (m/s^2), 0 for none.
+
+    Attributes:
+        s: (31), shape (p,).
+        v_ref: Reference acceleration, shape (nz,).
+        v_ref_dot: Its rate over the tick, shape (nz,).
+        integral_v_ref: Its integral, shape (nz,).
     """
 
     def __init__(
         self,
         gains: KinematicGains,
         a: float,
-        p: int,
-        nz: int,
+        errors: TaskErrors,
         dt: float,
         discretization: Discretization,
         boundary_layer: float,
     ) -> None:
-        self._gains = gains
-        self._a = a
-        self._dt = dt
-        self._discretization = discretization
-        self._boundary_layer = boundary_layer
-        lambda_0 = diagonal("lambda_0", gains.lambda_0, p)
-        lambda_1 = diagonal("lambda_1", gains.lambda_1, p)
-        self._lambda_0_power = lambda_0 ** (9 / 7)
-        self._lambda_2 = diagonal("lambda_2", gains.lambda_2, p)
-        self._lambda_21 = self._lambda_2 * lambda_1 ** (3 / 5)
-        self._identity = np.eye(p)
+        self._gains, self._a, self._dt = gains, float(a), float(dt)
+        self._errors = errors
+        self._discretization, self._boundary_layer = discretization, boundary_layer
+        p, nz = errors.J.shape
         self._integral_g = np.zeros(p)
         self.s = np.zeros(p)
-        self.v_ref = np.zeros(nz)
+        self.v_ref, self.v_ref_dot = np.zeros(nz), np.zeros(nz)
         self.integral_v_ref = np.zeros(nz)
-        self._v_ref_dot = np.zeros(nz)
 
-    def step(self, errors: TaskErrors, deviation: float, z: Array) -> Array:
-        """v_ref' for this tick, shape (nz,).
+    def steps(self, q: Array, q_rest: Array, z: Array) -> list[Call]:
+        """v_ref' for a tick, once the errors at its start are known.
 
         Args:
-            errors: e, e', J, J' z and the desired derivatives now.
-            deviation: \\|q - q_rest\\|.
+            q: Configuration, shape (nq,).
+            q_rest: Preferred posture, shape (nq,).
             z: Reduced velocity, shape (nz,).
         """
-        gains, dt = self._gains, self._dt
-        # e'' of (26) once differentiated, along the reference: J v_ref + J' z - p_d''
-        e_ddot = errors.J @ self.v_ref + errors.J_dot_z - errors.p_ddot
-        # integrand of (31)
-        g = self._lambda_2 * signed_power(e_ddot, 3 / 5) + self._lambda_21 * signed_power(
-            signed_power(errors.e_dot, 9 / 7) + self._lambda_0_power * errors.e, 1 / 3
-        )
-        self.s = e_ddot + self._integral_g  # (31)
-        # W under (34), with the parentheses of (21)
-        size_z = math.sqrt(z @ z)
-        size_v_ref = math.sqrt(self.v_ref @ self.v_ref)
-        residual = g - errors.p_dddot
-        w = math.sqrt(residual @ residual) + (gains.w_1 + gains.w_2 * deviation) * (
-            gains.w_3k * size_v_ref * size_z + gains.w_4k * size_z**3
-        )
-        k = gains.c / self._a * (w + gains.c_0)
-        n = sampled_unit_vector(
-            self._discretization,
-            self._boundary_layer,
-            self.s,
-            dt * residual,
-            self._identity,
-            dt * k * (errors.J @ errors.J.T),
-        )
-        u_ref = -k * n  # (34), (44)
-        self._v_ref_dot = errors.J.T @ u_ref  # (35), (43)
-        self._integral_g += dt * g
-        return self._v_ref_dot
+        gains, errors, dt = self._gains, self._errors, self._dt
+        p = len(self.s)
+        lambda_0 = diagonal("lambda_0", gains.lambda_0, p)
+        lambda_1 = diagonal("lambda_1", gains.lambda_1, p)
+        lambda_2 = diagonal("lambda_2", gains.lambda_2, p)
+        g, residual, b, n = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
+        k, gram = np.zeros(1), np.zeros((p, p))
+        return [
+            call(
+                sliding_variable,
+                *(errors.J, errors.J_dot_z, errors.e, errors.e_dot, errors.p_ddot, self.v_ref),
+                *(lambda_0 ** (9 / 7), lambda_2, lambda_2 * lambda_1 ** (3 / 5)),
+                *(self._integral_g, g, self.s),
+            ),
+            call(
+                gain_k,
+                *(g, errors.p_dddot, self.v_ref, q, q_rest, z),
+                *(float(gains.c), self._a, float(gains.c_0)),
+                *(float(gains.w_1), float(gains.w_2), float(gains.w_3k), float(gains.w_4k)),
+                *(residual, k),
+            ),
+            call(end_without_control, self.s, residual, dt, b),
+            call(transpose_gram, errors.J, k, dt, gram),
+            *unit_vector_steps(
+                self._discretization, self._boundary_layer, self.s, b, np.eye(p), gram, n
+            ),
+            call(reference_rate, errors.J, k, n, self.v_ref_dot),
+            call(integrate, g, dt, self._integral_g),
+        ]
 
-    def advance(self) -> None:
-        """Integrate v_ref' over the tick; it is constant there, so this is exact."""
-        dt = self._dt
-        self.integral_v_ref += dt * self.v_ref + 0.5 * dt**2 * self._v_ref_dot
-        self.v_ref += dt * self._v_ref_dot
+    def advance_steps(self) -> list[Call]:
+        """v_ref and its integral at the tick's end; v_ref' is constant, so this is exact."""
+        return [call(advance, self.v_ref_dot, self._dt, self.v_ref, self.integral_v_ref)]
+
+
+@kernel
+def sliding_variable(
+    J: Matrix,
+    J_dot_z: Vector,
+    e: Vector,
+    e_dot: Vector,
+    p_ddot: Vector,
+    v_ref: Vector,
+    lambda_0_power: Vector,
+    lambda_2: Vector,
+    lambda_21: Vector,
+    integral_g: Vector,
+    g: Vector,
+    s: Vector,
+) -> None:
+    """s of (31) and the integrand g in it; lambda_0_power is lambda_0^(9/7), lambda_21 is
+    lambda_2 lambda_1^(3/5)."""
+    for i in range(s.shape[0]):
+        # e'' of (26) once differentiated, along the reference: J v_ref + J' z - p_d''
+        e_ddot = dot(J[i], v_ref) + J_dot_z[i] - p_ddot[i]
+        g[i] = lambda_2[i] * signed_power(e_ddot, 3 / 5) + lambda_21[i] * signed_power(
+            signed_power(e_dot[i], 9 / 7) + lambda_0_power[i] * e[i], 1 / 3
+        )
+        s[i] = e_ddot + integral_g[i]
+
+
+@kernel
+def gain_k(
+    g: Vector,
+    p_dddot: Vector,
+    v_ref: Vector,
+    q: Vector,
+    q_rest: Vector,
+    z: Vector,
+    c: float,
+    a: float,
+    c_0: float,
+    w_1: float,
+    w_2: float,
+    w_3k: float,
+    w_4k: float,
+    residual: Vector,
+    k: Vector,
+) -> None:
+    """k = c/a (W + c_0) of (34), with W under it in the parentheses of (21); residual = g - p_d'''."""
+    deviation = 0.0
+    for i in range(q.shape[0]):
+        deviation += (q[i] - q_rest[i]) ** 2
+    deviation = math.sqrt(deviation)
+    for i in range(g.shape[0]):
+        residual[i] = g[i] - p_dddot[i]
+    size_z = norm(z)
+    W = norm(residual) + (w_1 + w_2 * deviation) * (w_3k * norm(v_ref) * size_z + w_4k * size_z**3)
+    k[0] = c / a * (W + c_0)
+
+
+@kernel
+def end_without_control(s: Vector, residual: Vector, dt: float, b: Vector) -> None:
+    """What s would be at the tick's end."""
+    for i in range(s.shape[0]):
+        b[i] = s[i] + dt * residual[i]
+
+
+@kernel
+def transpose_gram(J: Matrix, k: Vector, dt: float, matrix: Matrix) -> None:
+    """dt k J J^T: what n takes away from s over the tick."""
+    gram(J, matrix)
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            matrix[i, j] *= dt * k[0]
+
+
+@kernel
+def reference_rate(J: Matrix, k: Vector, n: Vector, v_ref_dot: Vector) -> None:
+    """v_ref' = J^T u_ref (35), (43) with u_ref = -k n (34), (44)."""
+    apply_transpose(J, n, v_ref_dot)
+    for i in range(v_ref_dot.shape[0]):
+        v_ref_dot[i] *= -k[0]
+
+
+@kernel
+def integrate(rate: Vector, dt: float, integral: Vector) -> None:
+    """integral += dt rate."""
+    for i in range(rate.shape[0]):
+        integral[i] += dt * rate[i]
+
+
+@kernel
+def advance(v_ref_dot: Vector, dt: float, v_ref: Vector, integral_v_ref: Vector) -> None:
+    """v_ref and its integral a tick later."""
+    for i in range(v_ref.shape[0]):
+        integral_v_ref[i] += dt * v_ref[i] + 0.5 * dt**2 * v_ref_dot[i]
+        v_ref[i] += dt * v_ref_dot[i]

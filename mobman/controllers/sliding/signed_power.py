@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from mobman.arrays import Array
+from mobman.kernels.kernel import kernel
 
 
-def signed_power(x: Array, exponent: float) -> Array:
-    """sign(x) |x|^exponent, component by component: what the paper's odd roots mean."""
-    power: Array = np.copysign(np.abs(x) ** exponent, x)
-    return power
+@kernel
+def signed_power(x: float, exponent: float) -> float:
+    """sign(x) |x|^exponent: what the paper's odd roots mean."""
+    return math.copysign(math.pow(abs(x), exponent), x)

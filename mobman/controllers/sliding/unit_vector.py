@@ -10,25 +10,40 @@ from __future__ import annotations
 
 import math
 
-from mobman.arrays import Array
-from mobman.errors import SingularityError
-from mobman.model.cholesky import Cholesky
+from mobman.arrays import Matrix, Vector
+from mobman.kernels import cholesky
+from mobman.kernels.dense import apply, dot, norm
+from mobman.kernels.kernel import kernel
+
+NOT_DEFINITE = 3
+"""Status: the metric is not positive definite."""
 
 _ITERATIONS = 60
 _TOLERANCE = 1e-12
 
-
-def unit_vector(s: Array, boundary_layer: float = 0.0) -> Array:
-    """s/|s|, or s/boundary_layer where \\|s\\| is below it; 0 at s = 0."""
-    size = max(math.sqrt(s @ s), boundary_layer)
-    result: Array = s / size if size > 0.0 else 0.0 * s
-    return result
+_factor, _solve = cholesky.factor, cholesky.solve
 
 
+@kernel
+def explicit_unit_vector(s: Vector, boundary_layer: float, n: Vector) -> None:
+    """n = s/|s|, or s/boundary_layer where |s| is below it; 0 at s = 0."""
+    size = max(norm(s), boundary_layer)
+    for i in range(s.shape[0]):
+        n[i] = s[i] / size if size > 0.0 else 0.0
+
+
+@kernel
 def implicit_unit_vector(
-    metric: Array, gram: Array, b: Array, boundary_layer: float = 0.0
-) -> Array:
-    r"""n in the unit ball with :math:`s^+ + P n = b` and :math:`n = s^+/|s^+|` where s+ is not 0.
+    metric: Matrix,
+    gram: Matrix,
+    b: Vector,
+    boundary_layer: float,
+    n: Vector,
+    right: Vector,
+    lower: Matrix,
+    column: Vector,
+) -> int:
+    r"""n with :math:`s^+ + P n = b` and :math:`n = s^+/|s^+|` where s+ is not 0.
 
     P is given as :math:`M^{-1} K` with M and K symmetric, M positive definite and K positive
     semi-definite, so that :math:`(\sigma M + K) n = M b` with :math:`\sigma = |s^+|` is a symmetric
@@ -43,41 +58,62 @@ def implicit_unit_vector(
         gram: K, shape (p, p): dt times gain times J J^T, or B B^T.
         b: Shape (p,).
         boundary_layer: w, 0 for none.
+        n: For the result, shape (p,), of norm at most 1.
+        right: Work space, shape (p,).
+        lower: Work space, shape (p, p).
+        column: Work space, shape (p,).
 
     Returns:
-        n, shape (p,), with norm at most 1.
+        0, or NOT_DEFINITE.
     """
-    right = metric @ b
-    if not right.any():
-        return right
+    apply(metric, b, right)
     sigma = boundary_layer
-    try:
-        n = Cholesky(sigma * metric + gram).solve(right)
-        if n @ n <= 1.0:
-            return n
-    except SingularityError:
-        pass  # K has lost its rank: the equivalent control does not exist, n has length 1
+    if not _shifted_factor(metric, gram, sigma, lower):
+        _solve(lower, right, n)
+        if dot(n, n) <= 1.0:
+            return 0
     # |n| = 1: s+ = sigma n, so sigma = |s+|, which lies between the boundary layer and 2|b| or more.
-    low, high = sigma, math.sqrt(b @ b)
-    while _length(metric, gram, right, high) > 1.0:
+    # The same where K has lost its rank: the equivalent control does not exist.
+    low, high = sigma, norm(b)
+    if not high > 0.0:
+        for i in range(n.shape[0]):
+            n[i] = b[i]  # 0, or not a number
+        return 0
+    while True:
+        if _shifted_factor(metric, gram, high, lower):
+            return NOT_DEFINITE
+        _solve(lower, right, n)
+        if not norm(n) > 1.0:
+            break
         low, high = high, 2.0 * high
     sigma = high
     for _ in range(_ITERATIONS):
-        factor = Cholesky(sigma * metric + gram)
-        n = factor.solve(right)
-        length = math.sqrt(n @ n)
+        if _shifted_factor(metric, gram, sigma, lower):
+            return NOT_DEFINITE
+        _solve(lower, right, n)
+        length = norm(n)
         if abs(length - 1.0) < _TOLERANCE:
             break
-        low, high = (sigma, high) if length > 1.0 else (low, sigma)
+        if length > 1.0:
+            low = sigma
+        else:
+            high = sigma
         # d|n|/dsigma = -n . (sigma M + K)^-1 M n / |n|
-        slope = -(n @ factor.solve(metric @ n)) / length
-        step = (length - 1.0) * length / float(slope) if slope < 0.0 else math.inf
-        newton = sigma - step
+        apply(metric, n, column)
+        _solve(lower, column, column)
+        slope = -dot(n, column) / length
+        newton = sigma - (length - 1.0) * length / slope if slope < 0.0 else math.inf
         sigma = newton if low < newton < high else 0.5 * (low + high)
-    result: Array = n / math.sqrt(n @ n)
-    return result
+    length = norm(n)
+    for i in range(n.shape[0]):
+        n[i] /= length
+    return 0
 
 
-def _length(metric: Array, gram: Array, right: Array, sigma: float) -> float:
-    n = Cholesky(sigma * metric + gram).solve(right)
-    return math.sqrt(n @ n)
+@kernel
+def _shifted_factor(metric: Matrix, gram: Matrix, sigma: float, lower: Matrix) -> int:
+    """The Cholesky factor of sigma M + K; its status."""
+    for i in range(metric.shape[0]):
+        for j in range(i + 1):
+            lower[i, j] = sigma * metric[i, j] + gram[i, j]
+    return _factor(lower, lower)

@@ -3,12 +3,33 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.registry import Registry
+
+
+class Equations(NamedTuple):
+    """A platform's A and N as functions that write into arrays.
+
+    The functions are kernels (:mod:`mobman.kernels`), to be part of what is evaluated at every tick;
+    plain functions of Python do as well, at the price of a call each. Every entry is to be written.
+    """
+
+    parameters: Array
+    """The numbers that the functions need; their first argument, always."""
+    velocity_map: Callable[[Array, Array, Array], None]
+    """(parameters, x, N): N(x), shape (l, l-k)."""
+    velocity_map_rate: Callable[[Array, Array, Array, Array], None]
+    """(parameters, x, x_dot, N_rate): dN/dt along x', shape (l, l-k)."""
+    constraints: Callable[[Array, Array, Array, Array], None]
+    """(parameters, x, A, A_x): A(x), shape (k, l), and its derivatives dA_ij/dx_m, shape (k, l, l)."""
+    constraint_derivative_rate: Callable[[Array, Array, Array, Array], None]
+    """(parameters, x, x_dot, A_x_rate): the rate of those along x', shape (k, l, l)."""
 
 
 class Platform(ABC):
@@ -42,29 +63,48 @@ class Platform(ABC):
             SpecError: If a field is wrong or the tree does not fit the type.
         """
 
+    @property
     @abstractmethod
+    def equations(self) -> Equations:
+        """A and N, and their derivatives."""
+
     def constraint_matrix(self, x: Array) -> Array:
         """A(x), shape (k, l)."""
+        return self._constraints(x)[0]
 
-    @abstractmethod
     def constraint_matrix_rate(self, x: Array, x_dot: Array) -> Array:
         """dA/dt along x', shape (k, l)."""
+        rate: Array = self._constraints(x)[1] @ x_dot
+        return rate
 
-    @abstractmethod
     def velocity_map(self, x: Array) -> Array:
         """N(x), shape (l, l-k)."""
+        n = np.zeros((len(self.coordinates), len(self.velocity_names)))
+        self.equations.velocity_map(self.equations.parameters, x, n)
+        return n
 
-    @abstractmethod
     def velocity_map_rate(self, x: Array, x_dot: Array) -> Array:
         """dN/dt along x', shape (l, l-k)."""
+        rate = np.zeros((len(self.coordinates), len(self.velocity_names)))
+        self.equations.velocity_map_rate(self.equations.parameters, x, x_dot, rate)
+        return rate
 
-    @abstractmethod
     def constraint_hessian(self, x: Array, multiplier: Array) -> Array:
         """d(A^T lam)/dx at fixed lam, shape (l, l); not symmetric: the constraints do not integrate."""
+        return np.tensordot(multiplier, self._constraints(x)[1], axes=1)
 
-    @abstractmethod
     def constraint_hessian_rate(self, x: Array, x_dot: Array, multiplier: Array) -> Array:
         """d/dt of :meth:`constraint_hessian` along x' at fixed lam, shape (l, l)."""
+        l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
+        rate = np.zeros((k, l, l))
+        self.equations.constraint_derivative_rate(self.equations.parameters, x, x_dot, rate)
+        return np.tensordot(multiplier, rate, axes=1)
+
+    def _constraints(self, x: Array) -> tuple[Array, Array]:
+        l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
+        a, a_x = np.zeros((k, l)), np.zeros((k, l, l))
+        self.equations.constraints(self.equations.parameters, x, a, a_x)
+        return a, a_x
 
     @property
     @abstractmethod

@@ -36,6 +36,8 @@ class Run:
     compute_time: Array
     work: float
     """Integral of z^T (B v - D) over the run (J)."""
+    constraint_residual: float
+    """Largest |A(x) x'| at a tick (m/s)."""
     robot: MobileManipulator
     """The nominal robot."""
     plant: MobileManipulator

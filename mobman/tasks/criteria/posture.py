@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Vector
 from mobman.errors import UsageError
+from mobman.kernels.kernel import kernel
+from mobman.kernels.program import Call, call
 from mobman.model.mobile_manipulator import MobileManipulator
 
 
@@ -35,7 +37,6 @@ class Posture:
             raise UsageError("posture criterion: c_F and every weight of K_F must be above 0")
         self._diagonal = self.scale * self.weights
         self._hessian = np.diag(self._diagonal)
-        self._no_rate = np.zeros_like(self._hessian)
 
     @classmethod
     def of(cls, robot: MobileManipulator, scale: float = 1.0) -> Posture:
@@ -49,13 +50,28 @@ class Posture:
 
     def gradient(self, q: Array) -> Array:
         """c_F K_F (q - q_rest), shape (nq,)."""
-        gradient: Array = self._diagonal * (q - self.q_rest)
+        gradient = np.zeros_like(self.q_rest)
+        _gradient(self._diagonal, q, self.q_rest, gradient)
         return gradient
 
     def hessian(self, q: Array) -> Array:
         """c_F K_F, shape (nq, nq)."""
-        return self._hessian
+        return self._hessian.copy()
 
     def hessian_rate(self, q: Array, q_dot: Array) -> Array:
         """Zero, shape (nq, nq)."""
-        return self._no_rate
+        return np.zeros_like(self._hessian)
+
+    def steps(
+        self, q: Array, q_dot: Array, gradient: Array, hessian: Array, hessian_rate: Array
+    ) -> list[Call]:
+        """See :class:`Criterion`; H and H' do not change, so they are written here and now."""
+        hessian[:] = self._hessian
+        hessian_rate[:] = 0.0
+        return [call(_gradient, self._diagonal, q, self.q_rest, gradient)]
+
+
+@kernel
+def _gradient(diagonal: Vector, q: Vector, q_rest: Vector, gradient: Vector) -> None:
+    for i in range(q.shape[0]):
+        gradient[i] = diagonal[i] * (q[i] - q_rest[i])

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Matrix, Vector
+from mobman.kernels.kernel import kernel
+from mobman.kernels.program import Call, call
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import tasks
 
@@ -40,17 +42,32 @@ class Circle:
 
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
         """p_d and its first three derivatives at time t (s), each of shape (3,)."""
-        angle = self.rate * t + self.phase
-        c = self.radius * math.cos(angle)
-        s = self.radius * math.sin(angle)
-        w = self.rate
-        x, y, z = self.centre
-        return (
-            np.array([x + c, y + s, z]),
-            np.array([-s * w, c * w, 0.0]),
-            np.array([-c * w**2, -s * w**2, 0.0]),
-            np.array([s * w**3, -c * w**3, 0.0]),
-        )
+        p_d = np.empty((4, 3))
+        _circle(np.array([t]), self._parameters(), p_d)
+        return (p_d[0], p_d[1], p_d[2], p_d[3])
+
+    def steps(self, t: Array, p_d: Array) -> list[Call]:
+        """See :func:`mobman.tasks.task.task_steps`."""
+        return [call(_circle, t, self._parameters(), p_d)]
+
+    def _parameters(self) -> Array:
+        return np.array([*self.centre, self.radius, self.rate, self.phase], dtype=float)
+
+
+@kernel
+def _circle(t: Vector, parameters: Vector, p_d: Matrix) -> None:
+    radius, w = parameters[3], parameters[4]
+    angle = w * t[0] + parameters[5]
+    c, s = radius * math.cos(angle), radius * math.sin(angle)
+    for i in range(3):
+        p_d[0, i] = parameters[i]
+        for order in range(1, 4):
+            p_d[order, i] = 0.0
+    p_d[0, 0] += c
+    p_d[0, 1] += s
+    p_d[1, 0], p_d[1, 1] = -s * w, c * w
+    p_d[2, 0], p_d[2, 1] = -c * w**2, -s * w**2
+    p_d[3, 0], p_d[3, 1] = s * w**3, -c * w**3
 
 
 def paper_circle(robot: MobileManipulator, q0: Array) -> Circle:

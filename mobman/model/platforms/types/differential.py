@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.errors import SpecError
-from mobman.model.platforms.platform import Platform, platforms
+from mobman.kernels.kernel import kernel
+from mobman.model.platforms.platform import Equations, Platform, platforms
 from mobman.robots.urdf import BASE_JOINTS
 from mobman.toml_model import Strict, validate
 
@@ -73,8 +74,13 @@ class Differential(Platform):
         self.kappa = kappa
         self.signs = signs
         self.root_offset = np.zeros(3) if root_offset is None else root_offset
-        # Y = R/2W of (7), scaled, for each wheel
-        self._y = tuple(kappa * radius / (2.0 * half_track) * sign for sign in signs)
+        self._equations = Equations(
+            np.array([radius, half_track, offset, kappa, *signs]),
+            _velocity_map,
+            _velocity_map_rate,
+            _constraints,
+            _constraint_derivative_rate,
+        )
 
     @classmethod
     def build(cls, parameters: dict[str, Any], tree: pin.Model, origin: str) -> Differential:
@@ -102,72 +108,10 @@ class Differential(Platform):
             root_offset=np.array([-given.reference_offset, 0.0, given.wheel_radius]) - axle,
         )
 
-    def constraint_matrix(self, x: Array) -> Array:
-        """A of (6), with a = 0 of (2), shape (3, 5)."""
-        # (2) and (6): no lateral slip, no longitudinal slip of the right and the left wheel
-        c, s, r, w = math.cos(x[2]), math.sin(x[2]), self.radius, self.half_track
-        right, left = self.signs
-        return np.array(
-            [
-                [s, -c, self.offset, 0.0, 0.0],
-                [c, s, w, -r * right, 0.0],
-                [c, s, -w, 0.0, -r * left],
-            ]
-        )
-
-    def constraint_matrix_rate(self, x: Array, x_dot: Array) -> Array:
-        """dA/dt, shape (3, 5); only the heading changes it."""
-        turning = float(x_dot[2])
-        c, s = math.cos(x[2]) * turning, math.sin(x[2]) * turning
-        return np.array([[c, s, 0.0, 0.0, 0.0], [-s, c, 0.0, 0.0, 0.0], [-s, c, 0.0, 0.0, 0.0]])
-
-    def velocity_map(self, x: Array) -> Array:
-        """N of (7) times kappa, shape (5, 2)."""
-        # (7) with alpha scaled by kappa
-        c, s, a, w = math.cos(x[2]), math.sin(x[2]), self.offset, self.half_track
-        y_right, y_left = self._y
-        return np.array(
-            [
-                [y_right * (w * c - a * s), y_left * (w * c + a * s)],
-                [y_right * (w * s + a * c), y_left * (w * s - a * c)],
-                [y_right, -y_left],
-                [self.kappa, 0.0],
-                [0.0, self.kappa],
-            ]
-        )
-
-    def velocity_map_rate(self, x: Array, x_dot: Array) -> Array:
-        """dN/dt, shape (5, 2)."""
-        turning = float(x_dot[2])
-        c, s = math.cos(x[2]) * turning, math.sin(x[2]) * turning
-        a, w = self.offset, self.half_track
-        y_right, y_left = self._y
-        return np.array(
-            [
-                [-y_right * (w * s + a * c), -y_left * (w * s - a * c)],
-                [y_right * (w * c - a * s), y_left * (w * c + a * s)],
-                [0.0, 0.0],
-                [0.0, 0.0],
-                [0.0, 0.0],
-            ]
-        )
-
-    def constraint_hessian(self, x: Array, multiplier: Array) -> Array:
-        """d(A^T lam)/dx, shape (5, 5): its column of theta alone."""
-        hessian = np.zeros((5, 5))
-        c, s = math.cos(x[2]), math.sin(x[2])
-        lateral, forward = multiplier[0], multiplier[1] + multiplier[2]
-        hessian[0, 2] = c * lateral - s * forward
-        hessian[1, 2] = s * lateral + c * forward
-        return hessian
-
-    def constraint_hessian_rate(self, x: Array, x_dot: Array, multiplier: Array) -> Array:
-        """d/dt of the same, shape (5, 5)."""
-        rate = np.zeros((5, 5))
-        now = self.constraint_hessian(x, multiplier)
-        rate[0, 2] = -now[1, 2] * x_dot[2]
-        rate[1, 2] = now[0, 2] * x_dot[2]
-        return rate
+    @property
+    def equations(self) -> Equations:
+        """(6) and (7)."""
+        return self._equations
 
     @property
     def actuation(self) -> Array:
@@ -175,6 +119,65 @@ class Differential(Platform):
         selection = np.zeros((5, 2))
         selection[3, 0] = selection[4, 1] = 1.0
         return selection
+
+
+# Parameters of the kernels: R, W, a, kappa, and the wheels' signs; x = (x_1, x_2, theta, phi_1, phi_2).
+
+
+@kernel
+def _velocity_map(parameters: Vector, x: Vector, N: Matrix) -> None:
+    """(7), with alpha scaled by kappa; with a = 0 and the paper's alpha it is (5)."""
+    R, W, a, kappa = parameters[0], parameters[1], parameters[2], parameters[3]
+    c, s = math.cos(x[2]), math.sin(x[2])
+    for j in range(2):
+        side = 1.0 - 2.0 * j  # of the wheel: right, left
+        Y = kappa * R / (2.0 * W) * parameters[4 + j]
+        N[0, j] = Y * (W * c - side * a * s)
+        N[1, j] = Y * (W * s + side * a * c)
+        N[2, j] = side * Y
+        N[3, j] = kappa * (1 - j)
+        N[4, j] = kappa * j
+
+
+@kernel
+def _velocity_map_rate(parameters: Vector, x: Vector, x_dot: Vector, N_rate: Matrix) -> None:
+    """d/dt of (7); only the heading changes it."""
+    R, W, a, kappa = parameters[0], parameters[1], parameters[2], parameters[3]
+    c, s = math.cos(x[2]) * x_dot[2], math.sin(x[2]) * x_dot[2]
+    for j in range(2):
+        side = 1.0 - 2.0 * j
+        Y = kappa * R / (2.0 * W) * parameters[4 + j]
+        N_rate[0, j] = -Y * (W * s + side * a * c)
+        N_rate[1, j] = Y * (W * c - side * a * s)
+        N_rate[2, j] = N_rate[3, j] = N_rate[4, j] = 0.0
+
+
+@kernel
+def _constraints(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None:
+    """(6), with a = 0 (2): no lateral slip, no longitudinal slip of the right and the left wheel."""
+    R, W, a = parameters[0], parameters[1], parameters[2]
+    c, s = math.cos(x[2]), math.sin(x[2])
+    A[:, :] = 0.0
+    A_x[:, :, :] = 0.0
+    A[0, 0], A[0, 1], A[0, 2] = s, -c, a
+    A_x[0, 0, 2], A_x[0, 1, 2] = c, s
+    for j in range(2):
+        side = 1.0 - 2.0 * j
+        A[1 + j, 0], A[1 + j, 1], A[1 + j, 2] = c, s, side * W
+        A[1 + j, 3 + j] = -R * parameters[4 + j]
+        A_x[1 + j, 0, 2], A_x[1 + j, 1, 2] = -s, c
+
+
+@kernel
+def _constraint_derivative_rate(
+    parameters: Vector, x: Vector, x_dot: Vector, A_x_rate: Tensor
+) -> None:
+    """d/dt of the derivatives of (6)."""
+    c, s = math.cos(x[2]) * x_dot[2], math.sin(x[2]) * x_dot[2]
+    A_x_rate[:, :, :] = 0.0
+    A_x_rate[0, 0, 2], A_x_rate[0, 1, 2] = -s, c
+    for j in range(2):
+        A_x_rate[1 + j, 0, 2], A_x_rate[1 + j, 1, 2] = -c, -s
 
 
 def _wheel(tree: pin.Model, name: str, field: str) -> tuple[Array, float]:

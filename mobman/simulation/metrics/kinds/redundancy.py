@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mobman.errors import SingularityError
-from mobman.model.extended_jacobian import extended_kinematics
+from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.simulation.metrics.metric import Run, metric
 
 _PERIOD = 0.01  # s: how often the extended Jacobian is looked at
@@ -29,16 +29,15 @@ def criterion_final(run: Run) -> float:
 def lambda_min(run: Run) -> float:
     """0 where the run met a kinematic singularity."""
     every = max(1, round(_PERIOD / run.dt))
-    least = math.inf
-    complement = None
-    for q, z in zip(run.q[::every], run.z[::every], strict=True):
+    extended = ExtendedJacobian(run.robot, run.task_map, run.criterion)
+    jacobians = np.empty((len(run.q[::every]), run.robot.nz, run.robot.nz))
+    for i, (q, z) in enumerate(zip(run.q[::every], run.z[::every], strict=True)):
         try:
-            now = extended_kinematics(run.robot, run.task_map, run.criterion, q, z, complement)
+            extended.at(q, z)
         except SingularityError:
             return 0.0
-        complement = now.complement
-        least = min(least, float(np.linalg.svd(now.J, compute_uv=False)[-1]) ** 2)
-    return least
+        jacobians[i] = extended.J
+    return float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()) ** 2
 
 
 @metric(
