@@ -6,12 +6,13 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: bench test test-slow lint format pictures clean help
+.PHONY: bench test test-slow speed lint format pictures clean help
 .DEFAULT_GOAL := help
 
 help:
 	@grep -E '^# make' $(MAKEFILE_LIST) | sed 's/^# //'
 	@echo "make test-slow   the longer studies among the tests"
+	@echo "make speed       measure what a tick costs, beside Pinocchio, Pink and MuJoCo (ten minutes)"
 	@echo "make lint        ruff and mypy alone"
 	@echo "make format      let ruff format the code"
 	@echo "make pictures    draw the pictures of README and docs from results/paper"
@@ -25,6 +26,9 @@ test: lint
 
 test-slow: $(VENV)/installed-test
 	$(BIN)/python -m pytest -n auto --dist loadgroup -m slow
+
+speed: $(VENV)/installed-speed
+	$(BIN)/python benchmarks/speed.py -o results/speed
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .
@@ -47,10 +51,17 @@ $(VENV)/python:
 # The stamps depend on what is installed; a changed pyproject.toml installs anew.
 $(VENV)/installed: $(VENV)/python pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -m mobman.kernels.ahead
 	touch $@
 
 $(VENV)/installed-test: $(VENV)/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test,speed]'
+	$(BIN)/python -m mobman.kernels.ahead
+	touch $@ $(VENV)/installed $(VENV)/installed-speed
+
+$(VENV)/installed-speed: $(VENV)/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[speed]'
+	$(BIN)/python -m mobman.kernels.ahead
 	touch $@ $(VENV)/installed
 
 clean:
