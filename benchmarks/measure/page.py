@@ -174,6 +174,10 @@ def _long_runs(runs: dict[str, Any]) -> str:
                 *(_up(r["p99_over_median_by_second"]) for r in runs.values()),
             ],
             [
+                "the same of bare Pinocchio calls that take as long",
+                *(_up(r["machine_p99_over_median"]) for r in runs.values()),
+            ],
+            [
                 "core taken away by the system (times)",
                 *(f"{r['preemptions']}" for r in runs.values()),
             ],

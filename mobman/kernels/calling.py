@@ -5,10 +5,11 @@ from __future__ import annotations
 import ast
 import gc
 import inspect
+import struct
 import textwrap
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -34,18 +35,29 @@ _READERS = {
     "int": ("_words[{0}]", 1),
     "float": ("_number(_words[{0}])", 1),
 }
+_WHOLE = (int, np.integer)
+_REAL = (float, int, np.floating, np.integer)
+_FLOAT, _BITS = struct.Struct("d"), struct.Struct("q")
 _compiled: dict[Any, Any] = {}
 
 
-def words_of(
-    function: Any, arguments: tuple[Any, ...], held: dict[int, tuple[Any, tuple[int, ...]]]
-) -> list[int]:
+class Held(NamedTuple):
+    """An array that a table points to."""
+
+    array: Any
+    kinds: frozenset[str]
+    """Annotations that it satisfies."""
+    words: tuple[int, ...]
+    """Its address and its shape."""
+
+
+def words_of(function: Any, arguments: tuple[Any, ...], held: dict[int, Held]) -> list[int]:
     """The words that stand for a kernel's arguments: an array's address and shape, a number itself.
 
     Args:
         function: The kernel.
         arguments: Its arguments.
-        held: Arrays and their words by ``id``, added to here; they must outlive the words.
+        held: Arrays by ``id``, added to here; they must outlive the words.
 
     Raises:
         TypeError: If an argument is not what the kernel's annotation says.
@@ -57,21 +69,34 @@ def words_of(
         )
     words: list[int] = []
     for argument, (name, kind) in zip(arguments, annotations, strict=True):
-        if not _fits(argument, kind):
+        known = held.get(id(argument))
+        if known is None and isinstance(argument, np.ndarray):
+            known = held[id(argument)] = _held(argument)
+        if known is not None and kind in known.kinds:
+            words += known.words
+        elif known is None and kind == "float" and isinstance(argument, _REAL):
+            words += _BITS.unpack(_FLOAT.pack(argument))
+        elif known is None and kind == "int" and isinstance(argument, _WHOLE):
+            words.append(int(argument))
+        else:
             raise TypeError(
                 f"kernel {function.__name__!r}: argument {name!r} is {_described(argument)}; "
                 f"needed: {kind}"
             )
-        if isinstance(argument, np.ndarray):
-            if id(argument) not in held:
-                address = argument.__array_interface__["data"][0]
-                held[id(argument)] = (argument, (address, *argument.shape))
-            words += held[id(argument)][1]
-        elif kind == "float":
-            words.append(int(np.float64(argument).view(np.int64)))
-        else:
-            words.append(int(argument))
     return words
+
+
+def _held(array: Any) -> Held:
+    dtype, ndim, flags = array.dtype, array.ndim, array.flags
+    kinds = set()
+    if flags.c_contiguous:
+        kinds = {(np.dtype(np.int64), 1): {"Index"}}.get((dtype, ndim), set())
+        if dtype == np.float64:
+            kinds = {1: {"Vector"}, 2: {"Matrix"}, 3: {"Tensor"}}.get(ndim, set())
+    if flags.f_contiguous and dtype == np.float64 and ndim == 2:
+        kinds = kinds | {"Columns"}
+    address = array.__array_interface__["data"][0]
+    return Held(array, frozenset(kinds), (address, *array.shape))
 
 
 def address_of(function: Any) -> int:
@@ -96,20 +121,6 @@ def _annotations(function: Callable[..., Any]) -> list[tuple[str, str]]:
                 f"{', '.join(_READERS)}"
             )
     return found
-
-
-def _fits(argument: Any, kind: str) -> bool:
-    if not isinstance(argument, np.ndarray):
-        number = isinstance(argument, (int, np.integer))
-        return (
-            number or isinstance(argument, float) if kind == "float" else number and kind == "int"
-        )
-    if kind == "Index":
-        return argument.dtype == np.int64 and argument.ndim == 1 and argument.flags.c_contiguous
-    wanted = {"Vector": 1, "Matrix": 2, "Columns": 2, "Tensor": 3}.get(kind)
-    by_column = kind == "Columns"
-    contiguous = argument.flags.f_contiguous if by_column else argument.flags.c_contiguous
-    return argument.dtype == np.float64 and argument.ndim == wanted and contiguous
 
 
 def _described(argument: Any) -> str:

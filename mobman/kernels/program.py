@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mobman.kernels.calling import address_of, run, words_of
+from mobman.kernels.calling import Held, address_of, run, words_of
 from mobman.kernels.kernel import is_compiled
 
 Program = Callable[[], int]
@@ -53,7 +53,7 @@ def program(calls: Iterable[Call]) -> Program:
 
 def _compiled(calls: list[Call]) -> Program:
     table = [len(calls)]
-    held: dict[int, Any] = {}
+    held: dict[int, Held] = {}
     for function, arguments in calls:
         words = words_of(function, arguments, held)
         table += [address_of(function), len(words), *words]

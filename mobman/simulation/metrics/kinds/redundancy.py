@@ -10,6 +10,7 @@ from mobman.errors import SingularityError
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.simulation.metrics.metric import Run, metric
 
+_BATCH = 100  # Jacobians whose singular values are found in one call
 _PERIOD = 0.01  # s: how often the extended Jacobian is looked at
 
 
@@ -30,14 +31,18 @@ def lambda_min(run: Run) -> float:
     """0 where the run met a kinematic singularity."""
     every = max(1, round(_PERIOD / run.dt))
     extended = ExtendedJacobian(run.robot, run.task_map, run.criterion)
-    jacobians = np.empty((len(run.q[::every]), run.robot.nz, run.robot.nz))
-    for i, (q, z) in enumerate(zip(run.q[::every], run.z[::every], strict=True)):
-        try:
-            extended.at(q, z)
-        except SingularityError:
-            return 0.0
-        jacobians[i] = extended.J
-    return float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()) ** 2
+    least = math.inf
+    looked_at = list(range(0, len(run.q), every))
+    for some in (looked_at[i : i + _BATCH] for i in range(0, len(looked_at), _BATCH)):
+        jacobians = np.empty((len(some), run.robot.nz, run.robot.nz))
+        for jacobian, tick in zip(jacobians, some, strict=True):
+            try:
+                extended.at(run.q[tick], run.z[tick])
+            except SingularityError:
+                return 0.0
+            jacobian[:] = extended.J
+        least = min(least, float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()) ** 2)
+    return least
 
 
 @metric(
