@@ -19,6 +19,7 @@ ROBOTS = ("youbot", "tiago_no_hand", "tiago_dual")
 LONG_RUNS = ("youbot", "tiago_no_hand")
 """Robots, of those measured, that are run for a minute."""
 BASELINE = Path(__file__).parent / "speed_baseline.json"
+DOCS = Path(__file__).parents[1] / "docs"
 
 _THREADS = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMEXPR")
 
@@ -29,7 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     # before numpy is loaded, hence also before anything that loads it
     os.environ.update({f"{library}_NUM_THREADS": "1" for library in _THREADS})
     from measure.baseline import as_table, compare, read_baseline, write_baseline
-    from measure.page import page
+    from measure.page import numbers_into, page
     from measure.plot import draw
 
     from mobman.errors import MobmanError
@@ -46,7 +47,11 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"wrote {options.output / 'speed.md'}, speed.json, speed.svg")
     if options.update_baseline:
         write_baseline(BASELINE, result)
-        print(f"wrote {BASELINE}")
+        # the committed ratios and the numbers in the docs are of one measurement
+        draw(result, DOCS / "images" / "speed.svg")
+        document = DOCS / "speed.md"
+        document.write_text(numbers_into(document.read_text(), result, "images/speed.svg"))
+        print(f"wrote {BASELINE} and {document}")
         return 0
     baseline = read_baseline(BASELINE)
     if baseline is None:

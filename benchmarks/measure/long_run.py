@@ -6,6 +6,7 @@ Each run has a process of its own (this file as a script), so that nothing else 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import gc
 import json
 import subprocess
@@ -80,6 +81,7 @@ def _run(robot: str, gains: dict[str, float], task: str, duration: float) -> dic
     controller = mm.make_controller("tsm", **gains)
     mm.simulate(loaded, controller, task, duration=0.1)  # first calls compile
     gc.collect()
+    _trim()
     _forget_peak()
     before = _memory("VmRSS")
     preempted = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw
@@ -89,6 +91,7 @@ def _run(robot: str, gains: dict[str, float], task: str, duration: float) -> dic
     preempted = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw - preempted
     peak = _memory("VmHWM")
     gc.collect()
+    _trim()
     after = _memory("VmRSS")
     if not record.ok:
         raise RuntimeError(f"the run is {record.status} {record.message}")
@@ -148,6 +151,12 @@ def _memory(field: str) -> int:
         unit = 1 if sys.platform == "darwin" else 1024
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
     return next(1024 * int(line.split()[1]) for line in lines if line.startswith(f"{field}:"))
+
+
+def _trim() -> None:
+    """Give back what the allocator keeps for later, which is no memory of the run's."""
+    with contextlib.suppress(OSError, AttributeError):  # not glibc: it then counts
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _forget_peak() -> None:

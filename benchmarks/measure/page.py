@@ -25,6 +25,8 @@ _RATIOS = {
     "plain_over_tick": "(f)/(c)",
     "tick_over_mujoco": "(c)/(e)",
 }
+_BEGIN = "<!-- numbers, written by python benchmarks/speed.py --update-baseline -->"
+_END = "<!-- end of numbers -->"
 _MORE_IS_BETTER = {"plain_over_tick"}
 
 
@@ -58,6 +60,21 @@ def page(result: dict[str, Any]) -> str:
     if imports := result.get("imports"):
         parts += ["## Import", _imports(imports)]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def numbers_into(document: str, result: dict[str, Any], picture: str) -> str:
+    """A document with the page's tables between its two marks.
+
+    Args:
+        document: Markdown with the marks.
+        result: The measurement.
+        picture: Where the document finds the plot.
+    """
+    before, rest = document.split(_BEGIN, 1)
+    _, after = rest.split(_END, 1)
+    numbers = page(result).split("\n", 2)[2].replace("(speed.svg)", f"({picture})")
+    numbers = numbers.replace("\n## ", "\n### ")  # a part of a page, no longer one of its own
+    return f"{before}{_BEGIN}\n{numbers.strip()}\n{_END}{after}"
 
 
 def _targets(result: dict[str, Any]) -> str:

@@ -251,6 +251,15 @@ def _invoke(typing: Any, address: Any, table: Any, position: Any) -> Any:
     return types.int64(types.int64, table, types.int64), codegen
 
 
+@cache
+def runner() -> Callable[[Index], int]:
+    """The machine code of :func:`run` behind a plain function: numba's dispatcher would look at the
+    types of its argument at every call, which costs more than the call."""
+    run(np.zeros(1, dtype=np.int64))
+    compiled: Callable[[Index], int] = run.get_overload(run.signatures[0])  # type: ignore[attr-defined]
+    return compiled
+
+
 @kernel
 def run(table: Index) -> int:
     """Make the calls of a table: their number, then for each the address of its machine code, the

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mobman.kernels.calling import Held, address_of, run, words_of
+from mobman.kernels.calling import Held, address_of, runner, words_of
 from mobman.kernels.kernel import is_compiled
 
 Program = Callable[[], int]
@@ -57,7 +57,7 @@ def _compiled(calls: list[Call]) -> Program:
     for function, arguments in calls:
         words = words_of(function, arguments, held)
         table += [address_of(function), len(words), *words]
-    program: Any = partial(run, np.array(table, dtype=np.int64))
+    program: Any = partial(runner(), np.array(table, dtype=np.int64))
     program.held = held  # what the addresses point to lives as long as the program
     result: Program = program
     return result

@@ -260,7 +260,7 @@ class _Loop:
             started = perf_counter()
             torque = step(t, q_now, z_now, measured)
             compute_time[tick] = perf_counter() - started
-            v[:] = _checked_torque(torque, v)
+            v[:] = torque if _is_plain(torque, v) else _checked_torque(torque, v)
             if keep():
                 self._diverged(t, "the controller's torque is not finite")
                 return
@@ -399,6 +399,10 @@ class _Loop:
 def _criterion_of(controller: Controller, robot: MobileManipulator) -> Criterion:
     criterion: Criterion | None = getattr(controller, "criterion", None)
     return Posture.of(robot) if criterion is None else criterion
+
+
+def _is_plain(torque: Any, like: Array) -> bool:
+    return type(torque) is np.ndarray and torque.shape == like.shape and torque.dtype == like.dtype
 
 
 def _checked_torque(torque: Any, like: Array) -> Array:

@@ -19,7 +19,7 @@ import speed
 from chains import chain_robot
 from measure import baseline
 from measure.closed_loop import ratios
-from measure.page import page
+from measure.page import numbers_into, page
 from measure.plot import draw
 from measure.rounds import Spread, batch, exponent, interleaved, once, ratio
 from measure.targets import Target, rounded_against, targets
@@ -202,6 +202,24 @@ def test_every_promise_with_a_number_is_judged(result):
     assert "Pink" in missed.text
     assert missed.bound == "at most 0.5"
     assert targets({}) == []
+
+
+def test_docs_and_baseline_are_of_one_measurement():
+    found = json.loads(speed.BASELINE.read_text())["ratios"]["youbot tick_over_bare"]
+    document = (speed.DOCS / "speed.md").read_text()
+    assert f"| (c)/(a) | {rounded_against(found, True)} [" in document
+
+
+def test_numbers_go_between_the_marks_of_a_document(result):
+    """As the page has them, a heading lower; the text around them is left alone."""
+    document = (speed.DOCS / "speed.md").read_text()
+    written = numbers_into(document, result, "elsewhere.svg")
+    assert "](elsewhere.svg)" in written
+    assert "### Ratios" in written
+    assert "\n## Ratios" not in written
+    assert written.split("<!--")[0] == document.split("<!--")[0]
+    assert written.split("<!-- end")[1] == document.split("<!-- end")[1]
+    assert numbers_into(written, result, "elsewhere.svg") == written
 
 
 def test_page_and_picture_have_what_was_measured_and_say_what_was_not(result, tmp_path):
