@@ -303,6 +303,10 @@ def test_the_tolerance_that_is_kept_counts(result, kept, tmp_path):
 def test_exit_status_tells_a_pass_from_a_fail(result, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(speed, "measure", lambda options: result)
     monkeypatch.setattr(speed, "BASELINE", tmp_path / "baseline.json")
+    docs = tmp_path / "docs"
+    (docs / "images").mkdir(parents=True)
+    (docs / "speed.md").write_text((speed.DOCS / "speed.md").read_text())
+    monkeypatch.setattr(speed, "DOCS", docs)
     arguments = ["-o", str(tmp_path / "out")]
     assert speed.main(arguments) == 0  # nothing to compare with
     assert speed.main([*arguments, "--update-baseline"]) == 0
@@ -310,6 +314,8 @@ def test_exit_status_tells_a_pass_from_a_fail(result, tmp_path, monkeypatch, cap
     result["growth"]["joints"]["exponent"]["larger half"] = 3.0
     assert speed.main(arguments) == 1
     assert "WORSE" in capsys.readouterr().out
+    assert "a processor" in (docs / "speed.md").read_text()  # written with the baseline
+    assert (docs / "images" / "speed.svg").exists()
     assert json.loads((tmp_path / "out" / "speed.json").read_text()) == result
 
 
