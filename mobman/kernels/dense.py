@@ -62,14 +62,6 @@ def multiply(a: Matrix, b: Matrix, c: Matrix) -> None:
 
 
 @kernel
-def multiply_transpose(a: Matrix, b: Matrix, c: Matrix) -> None:
-    """C = A B^T."""
-    for i in range(a.shape[0]):
-        for j in range(b.shape[0]):
-            c[i, j] = dot(a[i], b[j])
-
-
-@kernel
 def gram(a: Matrix, c: Matrix) -> None:
     """C = A A^T."""
     for i in range(a.shape[0]):

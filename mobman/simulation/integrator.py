@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
+from mobman.kernels.dense import copy
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Program, call, program
 from mobman.simulation.plant import Plant, require_success
@@ -41,7 +42,7 @@ class RungeKutta:
         for i, fraction in enumerate((0.5, 0.5, 1.0, 0.0)):
             slopes = [
                 plant.acceleration_step(z_slopes[i], power[i]),
-                call(_copy, now.q_dot, q_slopes[i]),
+                call(copy, now.q_dot, q_slopes[i]),
             ]
             to_the_next = (
                 call(_go, q_0, z_0, q_slopes[i], z_slopes[i], fraction * self._h, now.q, now.z)
@@ -88,12 +89,6 @@ class RungeKutta:
             plant.disturb(t + h)
         run_dynamics()
         require_success(status | fourth())
-
-
-@kernel
-def _copy(a: Vector, to: Vector) -> None:
-    for i in range(a.shape[0]):
-        to[i] = a[i]
 
 
 @kernel

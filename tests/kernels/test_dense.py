@@ -54,13 +54,6 @@ def test_multiply(matrices):
     assert _close(c, a @ b)
 
 
-def test_multiply_transpose(matrices):
-    a, _, b = matrices
-    c = np.full((len(a), len(b)), np.nan)
-    dense.multiply_transpose(a, b, c)
-    assert _close(c, a @ b.T)
-
-
 def test_gram(matrices):
     """Symmetric to the last bit, which factorisations of it rely on."""
     a = matrices[0]

@@ -21,14 +21,15 @@ from mobman.controllers.gains import (
     require_positive_diagonal,
 )
 from mobman.controllers.sliding.discretization import Discretization, unit_vector_steps
-from mobman.controllers.sliding.kinematic_stage import (
+from mobman.controllers.sliding.sampled_control import (
     end_without_control,
     integrate,
     transpose_gram,
+    transpose_rate,
 )
 from mobman.controllers.sliding.signed_power import signed_power
 from mobman.kernels import lu
-from mobman.kernels.dense import apply_transpose, norm
+from mobman.kernels.dense import norm
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call
 
@@ -244,14 +245,6 @@ def identity_gram(B: Matrix, k: Vector, dt: float, matrix: Matrix) -> None:
     matrix[:, :] = 0.0
     for i in range(matrix.shape[0]):
         matrix[i, i] = dt * k[0]
-
-
-@kernel
-def transpose_rate(B: Matrix, k: Vector, n: Vector, v_dot: Vector) -> None:
-    """v' = B^T u (56) with u = -k n (55)."""
-    apply_transpose(B, n, v_dot)
-    for i in range(v_dot.shape[0]):
-        v_dot[i] *= -k[0]
 
 
 @kernel

@@ -19,9 +19,15 @@ from mobman.controllers.gains import (
     require_positive_diagonal,
 )
 from mobman.controllers.sliding.discretization import Discretization, unit_vector_steps
+from mobman.controllers.sliding.sampled_control import (
+    end_without_control,
+    integrate,
+    transpose_gram,
+    transpose_rate,
+)
 from mobman.controllers.sliding.signed_power import signed_power
 from mobman.controllers.task_space import TaskErrors
-from mobman.kernels.dense import apply_transpose, dot, gram, norm
+from mobman.kernels.dense import dot, norm
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call
 
@@ -121,7 +127,7 @@ class KinematicStage:
             *unit_vector_steps(
                 self._discretization, self._boundary_layer, self.s, b, np.eye(p), gram, n
             ),
-            call(reference_rate, errors.J, k, n, self.v_ref_dot),
+            call(transpose_rate, errors.J, k, n, self.v_ref_dot),
             call(integrate, g, dt, self._integral_g),
         ]
 
@@ -184,37 +190,6 @@ def gain_k(
     size_z = norm(z)
     W = norm(residual) + (w_1 + w_2 * deviation) * (w_3k * norm(v_ref) * size_z + w_4k * size_z**3)
     k[0] = c / a * (W + c_0)
-
-
-@kernel
-def end_without_control(s: Vector, residual: Vector, dt: float, b: Vector) -> None:
-    """What s would be at the tick's end."""
-    for i in range(s.shape[0]):
-        b[i] = s[i] + dt * residual[i]
-
-
-@kernel
-def transpose_gram(J: Matrix, k: Vector, dt: float, matrix: Matrix) -> None:
-    """dt k J J^T: what n takes away from s over the tick."""
-    gram(J, matrix)
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            matrix[i, j] *= dt * k[0]
-
-
-@kernel
-def reference_rate(J: Matrix, k: Vector, n: Vector, v_ref_dot: Vector) -> None:
-    """v_ref' = J^T u_ref (35), (43) with u_ref = -k n (34), (44)."""
-    apply_transpose(J, n, v_ref_dot)
-    for i in range(v_ref_dot.shape[0]):
-        v_ref_dot[i] *= -k[0]
-
-
-@kernel
-def integrate(rate: Vector, dt: float, integral: Vector) -> None:
-    """integral += dt rate."""
-    for i in range(rate.shape[0]):
-        integral[i] += dt * rate[i]
 
 
 @kernel
