@@ -244,7 +244,7 @@ class _Loop:
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
         run_all, measure, step = now.run_all, self.accelerometer.measure, self.controller.step
         q, z, z_dot, v, compute_time = now.q, now.z, self._z_dot, plant.v, samples.compute_time
-        keep, integrate = self._keep, self._integrate
+        keep, integrate, shape, double = self._keep, self._integrate, v.shape, v.dtype
         every = max(1, ticks // 100)
         for tick in range(ticks + 1):
             t = tick * dt
@@ -260,7 +260,9 @@ class _Loop:
             started = perf_counter()
             torque = step(t, q_now, z_now, measured)
             compute_time[tick] = perf_counter() - started
-            v[:] = torque if _is_plain(torque, v) else _checked_torque(torque, v)
+            if type(torque) is not np.ndarray or torque.shape != shape or torque.dtype != double:
+                torque = _checked_torque(torque, v)
+            v[:] = torque
             if keep():
                 self._diverged(t, "the controller's torque is not finite")
                 return
@@ -399,10 +401,6 @@ class _Loop:
 def _criterion_of(controller: Controller, robot: MobileManipulator) -> Criterion:
     criterion: Criterion | None = getattr(controller, "criterion", None)
     return Posture.of(robot) if criterion is None else criterion
-
-
-def _is_plain(torque: Any, like: Array) -> bool:
-    return type(torque) is np.ndarray and torque.shape == like.shape and torque.dtype == like.dtype
 
 
 def _checked_torque(torque: Any, like: Array) -> Array:

@@ -56,6 +56,7 @@ class RungeKutta:
             dynamics = plant.dynamics_steps() if i else []
             stages.append(program([*dynamics, *slopes, to_the_next, *now.velocity_steps()]))
         self._stages = stages
+        self._run_dynamics = now.run_dynamics
         self._dynamics = program(plant.dynamics_steps())
         program(now.velocity_steps())()
 
@@ -75,20 +76,20 @@ class RungeKutta:
         Raises:
             SingularityError: If M is not positive definite somewhere on the way.
         """
-        plant, h = self.plant, self._h
+        plant, run_dynamics = self.plant, self._run_dynamics
         first, second, third, fourth = self._stages
-        run_dynamics = plant.now.run_dynamics
-        status = first()
+        first()
         if plant.disturbed:
-            plant.disturb(t + 0.5 * h)
+            plant.disturb(t + 0.5 * self._h)
         run_dynamics()
-        status |= second()
+        status = second()
         run_dynamics()
         status |= third()
         if plant.disturbed:
-            plant.disturb(t + h)
+            plant.disturb(t + self._h)
         run_dynamics()
-        require_success(status | fourth())
+        if status := status | fourth():
+            require_success(status)
 
 
 @kernel
