@@ -65,6 +65,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba ships no types
         _locator_classes = [_Locator]
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """The machine code for a signature, None if there is none to be read."""
         try:
             found = super().load_overload(signature, target_context)
         except Exception:  # whatever unpickling half a file may raise
@@ -77,6 +78,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba ships no types
         return found
 
     def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep the machine code for a signature, if the folder lets it."""
         try:
             super().save_overload(signature, data)
         except OSError as error:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mobman.arrays import Array, Index, Matrix, Vector
+from mobman.arrays import Array, Matrix, Vector
 from mobman.controllers.protocol import Controller
 from mobman.errors import SingularityError, UsageError
 from mobman.kernels.dense import dot
@@ -39,6 +39,7 @@ from mobman.simulation.metrics.metric import Run, compute_metrics
 from mobman.simulation.plant import Plant, require_success
 from mobman.simulation.provenance import versions
 from mobman.simulation.record import OWN_PLACES, Record
+from mobman.simulation.samples import Samples, keep, keep_finite, keep_from
 from mobman.simulation.scenario import Scenario
 from mobman.tasks.criteria.posture import Posture
 from mobman.tasks.task import Task, make_task, task_map_of, task_parameters, task_steps
@@ -131,24 +132,6 @@ def simulate(
     return record
 
 
-class _Samples:
-    """What the loop leaves, one row a tick."""
-
-    def __init__(self, rows: int, robot: MobileManipulator, m: int) -> None:
-        self.q = np.empty((rows, robot.nq))
-        self.z = np.empty((rows, robot.nz))
-        self.torque = np.empty((rows, robot.nz))
-        self.tip = np.empty((rows, m))
-        self.desired = np.empty((rows, m))
-        self.auxiliary = np.full((rows, robot.nz - m), np.nan)
-        self.compute_time = np.empty(rows)
-        self.signals: dict[str, Array] = {}
-        self.count = 0
-        self.work = 0.0
-        self.status = "ok"
-        self.message = ""
-
-
 class _Loop:
     """One run's parts."""
 
@@ -170,7 +153,7 @@ class _Loop:
         self.task_map, self.plant, self.accelerometer = task_map, plant, accelerometer
         self.ticks, self.dt, self.progress = ticks, dt, progress
         self.substeps = max(1, math.ceil(dt / _LARGEST_STEP - 1e-9))
-        self.samples = _Samples(ticks + 1, plant.robot, task_map.m)
+        self.samples = Samples(ticks + 1, plant.robot, task_map.m)
         self.state = RungeKutta(plant, q0, np.zeros(robot.nz), dt / self.substeps)
         self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
         self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
@@ -191,7 +174,6 @@ class _Loop:
         return [
             *now.tip_steps(),
             *now.constraint_steps(),
-            call(largest_residual, now.A, now.q_dot, self._residual),
             *task_steps(self.task, self._t, p_d),
             call(
                 keep,
@@ -199,9 +181,10 @@ class _Loop:
                 *(samples.q, samples.z, samples.tip, samples.desired),
             ),
             divergence_step(now.q, now.z, now.tip, p_d),
+            call(largest_residual, now.A, now.q_dot, self._residual),
         ]
 
-    def run(self) -> _Samples:
+    def run(self) -> Samples:
         """From rest at q0 to the end, or to where it cannot go on."""
         samples = self.samples
         try:
@@ -244,7 +227,7 @@ class _Loop:
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
         run_all, measure, step = now.run_all, self.accelerometer.measure, self.controller.step
         q, z, z_dot, v, compute_time = now.q, now.z, self._z_dot, plant.v, samples.compute_time
-        keep, integrate, shape, double = self._keep, self._integrate, v.shape, v.dtype
+        keep_row, integrate, shape, double = self._keep, self._integrate, v.shape, v.dtype
         every = max(1, ticks // 100)
         for tick in range(ticks + 1):
             t = tick * dt
@@ -263,7 +246,7 @@ class _Loop:
             if type(torque) is not np.ndarray or torque.shape != shape or torque.dtype != double:
                 torque = _checked_torque(torque, v)
             v[:] = torque
-            if keep():
+            if keep_row():
                 self._diverged(t, "the controller's torque is not finite")
                 return
             if self._signals is not dict:
@@ -335,13 +318,13 @@ class _Loop:
         steps = [call(keep_finite, self._tick, self.plant.v, self.samples.torque)]
         if getattr(self.controller, "signals_in_place", False):
             for name, value in self._signals().items():
-                steps.append(
-                    call(keep_from, self._tick, value, 0, self._rows_of(name, value.shape))
-                )
+                rows = self._rows_of(name, value.shape)
+                flat = (value.reshape(-1), 0, rows.reshape(len(rows), -1))
+                steps.append(call(keep_from, self._tick, *flat))
             self._signals = dict
         return steps
 
-    def record(self, samples: _Samples) -> Record:
+    def record(self, samples: Samples) -> Record:
         """The samples with what is measured of them."""
         n = samples.count
         q, z = samples.q[:n], samples.z[:n]
@@ -418,46 +401,6 @@ def _checked_torque(torque: Any, like: Array) -> Array:
 
 def _name_of(thing: object) -> str:
     return str(getattr(thing, "name", type(thing).__name__))
-
-
-@kernel
-def keep(
-    tick: Index,
-    q: Vector,
-    z: Vector,
-    tip: Vector,
-    p_d: Matrix,
-    q_rows: Matrix,
-    z_rows: Matrix,
-    tip_rows: Matrix,
-    desired_rows: Matrix,
-) -> None:
-    """Write the tick's row of what is kept."""
-    row = tick[0]
-    for i in range(q.shape[0]):
-        q_rows[row, i] = q[i]
-    for i in range(z.shape[0]):
-        z_rows[row, i] = z[i]
-    for i in range(p_d.shape[1]):
-        tip_rows[row, i] = tip[i]
-        desired_rows[row, i] = p_d[0, i]
-
-
-@kernel
-def keep_finite(tick: Index, vector: Vector, rows: Matrix) -> int:
-    """Write the tick's row of a vector; 1 if an entry is not finite."""
-    for i in range(vector.shape[0]):
-        if not math.isfinite(vector[i]):
-            return 1
-        rows[tick[0], i] = vector[i]
-    return 0
-
-
-@kernel
-def keep_from(tick: Index, vector: Vector, first: int, rows: Matrix) -> None:
-    """Write the tick's row of a vector's entries from ``first`` on."""
-    for i in range(rows.shape[1]):
-        rows[tick[0], i] = vector[first + i]
 
 
 @kernel
