@@ -11,6 +11,9 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from mobman.errors import SpecError, UnknownNameError
+from mobman.input_file import read_input
+
+_MEGABYTES = 1.0
 
 
 class Strict(BaseModel):
@@ -44,16 +47,28 @@ def named_file(what: str, name_or_path: str | os.PathLike[str], files: Mapping[s
 def read_toml(path: Path, what: str) -> dict[str, Any]:
     """The content of a TOML file.
 
+    Args:
+        path: The file; at most 1 MB, in UTF-8.
+        what: What it describes, for messages, such as ``"robot file"``.
+
     Raises:
         SpecError: If it cannot be read or is not TOML; the message names the file and the line.
     """
+    content = read_input(path, what, _MEGABYTES, "a description has a few kB")
+    where = f"the {what} {path} is not valid TOML"
     try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
-    except OSError as error:
-        raise SpecError(f"cannot read the {what} {path}: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SpecError(f"the {what} {path} is not valid TOML: {error}") from error
+        text = content.decode("utf-8-sig")  # editors of some systems begin a file with a mark
+        return tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise SpecError(
+            f"{where}: byte 0x{content[error.start]:02x} in line {line} is not UTF-8; save it as UTF-8"
+        ) from error
+    except RecursionError as error:
+        raise SpecError(f"{where}: arrays or tables are nested without end") from error
+    except ValueError as error:  # TOMLDecodeError, and numbers that Python does not take
+        advice = "; it looks like XML" if text.lstrip().startswith("<") else ""
+        raise SpecError(f"{where}: {error}{advice}") from error
 
 
 def validate(model: type[M], content: Any, origin: str) -> M:

@@ -9,22 +9,40 @@ from pydantic import ConfigDict, Field
 
 from mobman.toml_model import Strict, read_toml, validate
 
+Point = tuple[float, float, float]
+
 
 class UrdfSource(Strict):
-    """Where the URDF is, and which of its joints do not move."""
+    """Where a URDF is, and which of its joints do not move."""
 
     path: str
     """File: relative to the TOML, or to the package's ``robots`` folder where one is named."""
     package: Literal["example-robot-data"] | None = None
     """Installed data package that holds the file."""
+    packages: list[str] = []
+    """Folders, relative to the TOML, that hold packages NAME of ``package://NAME/...``; the folders
+    above the URDF are looked in as well."""
     lock: list[str] = []
     """Joints held at their rest position: names, or patterns such as ``"hand_*"``."""
+
+
+class Mount(UrdfSource):
+    """A URDF mounted on the platform: an arm, usually."""
+
+    prefix: str = Field("", pattern=r"^[A-Za-z0-9_.-]*$")
+    """Put before the name of every link and joint of that URDF."""
+    parent: str
+    """Link that carries it: of the platform, or of what was mounted before."""
+    xyz: Point = (0.0, 0.0, 0.0)
+    """Position of its root link in the parent's frame (m)."""
+    rpy: Point = (0.0, 0.0, 0.0)
+    """Its orientation there: roll, pitch and yaw, as in a URDF (rad)."""
 
 
 class PlatformSource(Strict):
     """The platform's type; the other fields are the type's own and are checked by it."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
 
     type: str
 
@@ -41,15 +59,38 @@ class ArmSource(Strict):
     """URDF link (frame) whose origin is the end-effector."""
 
 
+class Coupling(Strict):
+    """A wish that one coordinate follow another: adds w/2 (dq_joint - ratio dq_to)^2 to F, with dq the
+    deviation from rest; a part of K_F beside its diagonal.
+
+    What moves the tip at once needs none. The steering angle of a car does not, and so the diagonal
+    criterion would hold it at rest for ever.
+    """
+
+    joint: str
+    """Coordinate that follows."""
+    to: str
+    """Coordinate that it follows."""
+    ratio: float
+    """dq_joint wanted for one of dq_to."""
+    weight: float = Field(gt=0)
+    """w."""
+
+
 class CriterionSource(Strict):
-    """Weights of the posture criterion (12): the diagonal of K_F."""
+    """Weights of the posture criterion (12): K_F, which is diagonal but for the couplings."""
 
     platform: float = Field(0.001, gt=0)
     """Of the platform's position and heading (1/m^2, 1/rad^2)."""
     default: float = Field(0.05, gt=0)
-    """Of all other coordinates, wheels included."""
+    """Of all other coordinates."""
+    wheels: float | None = Field(None, gt=0)
+    """Of the angles of the platform's wheels; by default as of the others, the paper's choice. They
+    grow with the way that is driven, and then they outweigh the arm unless they weigh less."""
     weights: dict[str, float] = {}
     """Of single coordinates, by joint name."""
+    couplings: list[Coupling] = []
+    """Coordinates that are to follow others."""
 
 
 class RobotSpec(Strict):
@@ -61,7 +102,11 @@ class RobotSpec(Strict):
     source: str = ""
     license: str = ""
     tags: list[str] = []
-    urdf: UrdfSource
+    urdf: UrdfSource | None = None
+    """The robot's URDF, or the platform's where arms are mounted on it; absent where ``platform.body``
+    describes the platform by its numbers."""
+    mount: list[Mount] = []
+    """What is mounted on the platform, in this order."""
     platform: PlatformSource
     arm: ArmSource
     rest: dict[str, float] = {}
@@ -69,6 +114,13 @@ class RobotSpec(Strict):
     criterion: CriterionSource = CriterionSource()
     folder: Path = Field(Path(), exclude=True)
     """Folder that a relative URDF path starts from; the TOML's own."""
+    file: Path | None = Field(None, exclude=True)
+    """The TOML that it was read from."""
+
+    @property
+    def where(self) -> str:
+        """What to call it in messages."""
+        return f"robot {self.name!r}" + (f" ({self.file})" if self.file is not None else "")
 
 
 def read_spec(path: Path) -> RobotSpec:
@@ -78,5 +130,7 @@ def read_spec(path: Path) -> RobotSpec:
         SpecError: If the file cannot be read or a field is wrong.
     """
     content = read_toml(path, "robot file")
-    content.pop("folder", None)
-    return validate(RobotSpec, {**content, "folder": path.resolve().parent}, str(path))
+    for own in ("folder", "file"):
+        content.pop(own, None)
+    places = {"folder": path.resolve().parent, "file": path}
+    return validate(RobotSpec, {**content, **places}, str(path))

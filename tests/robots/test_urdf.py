@@ -11,13 +11,18 @@ from support.variants import ROBOTS, description
 import mobman as mm
 from mobman.robots.catalogue import as_spec
 from mobman.robots.spec import read_spec
-from mobman.robots.urdf import UrdfFile, flat_urdf, urdf_of
+from mobman.robots.urdf.file import UrdfFile, urdf_sources
+from mobman.robots.urdf.flat import flat_urdf
 
 YOUBOT = UrdfFile(ROBOTS / "youbot.urdf", ())
 
 
+def _model(**placement):
+    return pin.buildModelFromXML(flat_urdf(YOUBOT.parse(), "youbot.urdf", **placement))
+
+
 def test_continuous_joints_become_revolute_ones_without_limits_to_speak_of():
-    model = pin.buildModelFromXML(flat_urdf(YOUBOT, (0.0, 0.0, 0.0)))
+    model = _model()
     assert model.nq == model.nv
     for wheel in ("phi_1", "phi_2"):
         index = model.joints[model.getJointId(wheel)].idx_q
@@ -26,23 +31,35 @@ def test_continuous_joints_become_revolute_ones_without_limits_to_speak_of():
 
 
 def test_limited_joints_keep_their_limits():
-    model = pin.buildModelFromXML(flat_urdf(YOUBOT, (0.0, 0.0, 0.0)))
+    model = _model()
     index = model.joints[model.getJointId("y_2")].idx_q
     assert (model.lowerPositionLimit[index], model.upperPositionLimit[index]) == (-1.5708, 1.5708)
 
 
 def test_root_is_mounted_at_the_offset():
     offset = np.array([0.3, -0.2, 0.1])
-    model = pin.buildModelFromXML(flat_urdf(YOUBOT, offset))
+    model = _model(offset=offset)
     frame = model.frames[model.getFrameId("platform")]
     assert model.names[frame.parentJoint] == "base_theta"
     assert np.allclose(frame.placement.translation, offset)
 
 
+def test_heading_turns_the_root():
+    """A root link whose y axis is forward has it along the platform's x axis."""
+    model = _model(heading=0.5 * np.pi)
+    placement = model.frames[model.getFrameId("platform")].placement
+    assert np.allclose(placement.rotation @ [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+
+
+def test_no_base_joints_where_nothing_drives():
+    model = _model(base_joints=())
+    assert not any(name.startswith("base_") for name in list(model.names)[1:])
+
+
 def test_inertias_survive():
     """All mass that the URDF has is in the model."""
     masses = [float(mass.get("value")) for mass in YOUBOT.parse().iter("mass")]
-    model = pin.buildModelFromXML(flat_urdf(YOUBOT, (0.0, 0.0, 0.0)))
+    model = _model()
     assert np.isclose(pin.computeTotalMass(model), sum(masses))
 
 
@@ -52,7 +69,7 @@ def test_hash_is_that_of_the_files_content(youbot):
 
 
 def test_file_of_the_data_package():
-    found = urdf_of(read_spec(ROBOTS / "tiago.toml"))
+    (found,) = urdf_sources(read_spec(ROBOTS / "tiago.toml")).files
     assert found.path.is_file()
     # package://example-robot-data/... and package://tiago_description/... start from these
     assert any((folder / "example-robot-data").is_dir() for folder in found.package_folders)
@@ -62,7 +79,7 @@ def test_relative_path_starts_from_the_descriptions_folder(tmp_path):
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "a.urdf").write_text("<robot/>", encoding="utf-8")
     spec = as_spec(description(urdf__path="sub/a.urdf"))
-    found = urdf_of(spec.model_copy(update={"folder": tmp_path}))
+    (found,) = urdf_sources(spec.model_copy(update={"folder": tmp_path})).files
     assert found == UrdfFile((tmp_path / "sub" / "a.urdf").resolve(), found.package_folders)
     assert tmp_path in found.package_folders
 

@@ -1,0 +1,136 @@
+"""The geometry of a URDF's links, and how far it reaches."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.robots.urdf.placement import placement
+from mobman.robots.urdf.quantities import scalar, vector
+from mobman.robots.urdf.validation import shape_of
+
+Use = Literal["collision", "visual"]
+
+USES: tuple[Use, ...] = ("collision", "visual")
+"""In the order in which they are believed: visual meshes may have hubs, covers and decoration."""
+
+Vertices = Callable[[str], Array | None]
+"""From the ``filename`` of a ``<mesh>`` to its vertices in its own unit, shape (n, 3); None if it is
+missing or cannot be read."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape of a link: some points, each with a ball or (for cylinders) a disc about it.
+
+    Attributes:
+        use: ``"visual"`` or ``"collision"``.
+        kind: The URDF's element: ``"box"``, ``"cylinder"``, ``"sphere"``, ``"mesh"``.
+        points: In the link's frame (m), shape (n, 3); none of a mesh that could not be read.
+        radius: Of the balls or discs (m); 0 for none.
+        axis: Of the discs, a unit vector in the link's frame, shape (3,); None for balls.
+    """
+
+    use: Use
+    kind: str
+    points: Array
+    radius: float = 0.0
+    axis: Array | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether it could be read; what else is asked of it takes that."""
+        return len(self.points) > 0
+
+    @property
+    def centre(self) -> Array:
+        """The mean of its points: of a box, a cylinder and a sphere the centre (m), shape (3,)."""
+        return np.array(self.points.mean(axis=0))
+
+    def reach(self, direction: Array) -> float:
+        """The largest <direction, point> over the shape, for a direction in the link's frame (m)."""
+        across = direction
+        if self.axis is not None:
+            across = direction - float(self.axis @ direction) * self.axis
+        return float(np.max(self.points @ direction)) + self.radius * float(np.linalg.norm(across))
+
+    def placed(self, rotation: Array, position: Array) -> Shape:
+        """The shape in another frame.
+
+        Args:
+            rotation: Orientation of the link's frame there, shape (3, 3).
+            position: Its origin there (m), shape (3,).
+        """
+        axis = None if self.axis is None else rotation @ self.axis
+        points = self.points @ rotation.T + position
+        return Shape(self.use, self.kind, points, self.radius, axis)
+
+
+def read_shapes(link: ET.Element, use: Use, vertices: Vertices) -> list[Shape]:
+    """The shapes of a link, in the file's order, those of missing meshes included.
+
+    Args:
+        link: The ``<link>`` element of a checked URDF.
+        use: Which of them.
+        vertices: Reads meshes.
+    """
+    found = []
+    for part in link.findall(use):
+        element = shape_of(part)
+        if element is not None:
+            points, radius = _points(element, vertices)
+            rotation, position = placement(part)
+            axis = np.array([0.0, 0.0, 1.0]) if element.tag == "cylinder" else None
+            shape = Shape(use, str(element.tag), points, radius, axis)
+            found.append(shape.placed(rotation, position))
+    return found
+
+
+def _points(element: ET.Element, vertices: Vertices) -> tuple[Array, float]:
+    """The points of a shape in its own frame, and the radius about them."""
+    radius = scalar(element, "radius")
+    if element.tag == "mesh":
+        own = vertices(element.get("filename", "").strip())
+        if own is None:
+            return np.zeros((0, 3)), radius
+        return own * vector(element, "scale", (1.0, 1.0, 1.0)), radius
+    if element.tag == "box":
+        corners = np.array(list(product((-0.5, 0.5), repeat=3)))
+        return corners * vector(element, "size"), radius
+    half = 0.5 * scalar(element, "length")
+    ends = (-half, half) if element.tag == "cylinder" else (0.0,)
+    return np.array([[0.0, 0.0, end] for end in ends]), radius
+
+
+def bounds(shapes: Sequence[Shape]) -> tuple[Array, Array]:
+    """Lower and upper corner of the box around some shapes, in their frame's axes (m), shapes (3,)."""
+    axes = np.eye(3)
+    upper = np.array([max(shape.reach(axis) for shape in shapes) for axis in axes])
+    lower = np.array([-max(shape.reach(-axis) for shape in shapes) for axis in axes])
+    return lower, upper
+
+
+def extents(shapes: Sequence[Shape], point: Array, axis: Array, count: int) -> Array:
+    """How far some shapes reach from an axis, in directions all around it (m), shape (count,).
+
+    Args:
+        shapes: In one frame.
+        point: A point of the axis there (m), shape (3,).
+        axis: Its direction there, a unit vector, shape (3,).
+        count: How many directions.
+    """
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    angles = [2.0 * math.pi * i / count for i in range(count)]
+    directions = [math.cos(angle) * first + math.sin(angle) * second for angle in angles]
+    return np.array(
+        [max(shape.reach(d) for shape in shapes) - float(point @ d) for d in directions]
+    )
