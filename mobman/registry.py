@@ -31,10 +31,12 @@ class Registry(Generic[T]):
         self._group = group
         self._items: dict[str, T] = {}
         self._discovered = False
+        self._importing = False
 
     def register(self, name: str, item: T) -> T:
         """Add ``item`` under ``name``, replacing what had the name."""
-        self._discover()
+        if not self._importing:
+            self._discover()
         self._items[name] = item
         return item
 
@@ -49,6 +51,9 @@ class Registry(Generic[T]):
         Raises:
             UnknownNameError: If there is none; the message gives the nearest names.
         """
+        self._import_namesake(name)
+        if name in self._items:
+            return self._items[name]
         self._discover()
         if name not in self._items and name in (plugins := self._plugins()):
             try:
@@ -67,6 +72,20 @@ class Registry(Generic[T]):
         if self._group is None:
             return {}
         return {point.name: point for point in entry_points(group=self._group)}
+
+    def _import_namesake(self, name: str) -> None:
+        """Import the module that is called as the thing, if there is one: most often the right one."""
+        module = str(name).replace("-", "_")
+        if self._discovered or not module.isidentifier():
+            return
+        self._importing = True
+        try:
+            importlib.import_module(f"{self._package}.{module}")
+        except ModuleNotFoundError as error:
+            if error.name != f"{self._package}.{module}":
+                raise
+        finally:
+            self._importing = False
 
     def _discover(self) -> None:
         if self._discovered:

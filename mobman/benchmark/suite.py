@@ -17,7 +17,7 @@ from mobman.errors import MobmanError, SpecError, UnknownNameError
 from mobman.model.build import load_robot
 from mobman.resources import resource_folder
 from mobman.robots.catalogue import find_spec
-from mobman.robots.urdf import urdf_of
+from mobman.robots.urdf.file import urdf_sources
 from mobman.simulation.scenario import load_scenario
 from mobman.tasks.task import make_task, task_parameters, tasks
 from mobman.toml_model import Strict, named_file, read_toml, validate
@@ -210,7 +210,7 @@ def _problem(problems: list[str], where: str, find: Any, name: str) -> Any:
 def _fingerprint(robot: str) -> str:
     spec = find_spec(robot)
     text = json.dumps(spec.model_dump(mode="json", by_alias=True), sort_keys=True)
-    urdf = urdf_of(spec).sha256()
+    urdf = urdf_sources(spec).sha256()
     return hashlib.sha256((text + urdf).encode()).hexdigest()[:16]
 
 

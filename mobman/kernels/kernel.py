@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from types import FunctionType
 from typing import Any, TypeVar
 
 import numba
@@ -41,3 +43,19 @@ def kernel(function: Function) -> Function:
 def is_compiled(function: object) -> bool:
     """Whether a function is machine code to be: a kernel, and compilation is not switched off."""
     return isinstance(function, numba.core.registry.CPUDispatcher)
+
+
+def plain(function: Function) -> Function:
+    """The function of Python under a kernel, and under those that it calls: for a call or two, since
+    compiling takes longer than that."""
+    return _plain(function) if is_compiled(function) else function
+
+
+@cache
+def _plain(function: Any) -> Any:
+    source = function.py_func
+    names = dict(source.__globals__)
+    for name in source.__code__.co_names:
+        if is_compiled(names.get(name)):
+            names[name] = plain(names[name])
+    return FunctionType(source.__code__, names, source.__name__, source.__defaults__)

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import os
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from fnmatch import fnmatchcase
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.errors import SpecError, UnknownNameError
+from mobman.errors import SpecError
+from mobman.model.assembly import Assembly, platform_type
 from mobman.model.mobile_manipulator import Geometry, MobileManipulator
-from mobman.model.platforms.platform import Platform, platforms
+from mobman.model.platforms.platform import Platform, Site
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf import BASE_JOINTS, UrdfFile, flat_urdf, urdf_of
+from mobman.robots.urdf.file import urdf_sources
+from mobman.robots.urdf.flat import flat_urdf
+
+_SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
 
 
 def load_robot(
@@ -43,24 +48,28 @@ def build_robot(spec: RobotSpec) -> MobileManipulator:
     Raises:
         SpecError: If a field does not fit the URDF.
     """
-    urdf = urdf_of(spec)
-    platform = _platform(spec, urdf)
-    tree = _parse(spec, flat_urdf(urdf, platform.root_offset))
-    locked = _locked(spec, urdf, tree)
+    where = spec.where
+    sources = urdf_sources(spec)
+    assembly = Assembly(spec, sources)
+    # where the wheels are says where the platform's frame is
+    still = _parse(spec, flat_urdf(deepcopy(assembly.robot), where, base_joints=()))
+    platform = platform_type(spec).build(Site(spec.platform.parameters, still, where, spec.folder))
+    tree = _parse(spec, _flat(assembly.robot, where, platform))
+    locked = _locked(spec, assembly, platform, tree)
     model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", spec.rest))
-    if not model.existFrame(spec.arm.tip):
-        links = ", ".join(str(link.get("name")) for link in urdf.parse().findall("link"))
+    if spec.arm.tip not in assembly.links:
         raise SpecError(
-            f"robot {spec.name!r}: field 'arm.tip' is {spec.arm.tip!r}, which is no link of "
-            f"{urdf.path}; its links: {links}"
+            f"{where}: field 'arm.tip' is {spec.arm.tip!r}, which is no link of {sources}; its links: "
+            f"{', '.join(assembly.links)}"
         )
     robot = MobileManipulator(
         spec=spec,
-        urdf=urdf,
+        urdf=sources,
         model=model,
         platform=platform,
         q_rest=_named_values(spec, model, "rest", spec.rest, known=list(tree.names)),
-        criterion_weights=_criterion_weights(spec, model, list(tree.names)),
+        criterion_weights=_criterion_weights(spec, platform, model, list(tree.names)),
+        criterion_couplings=_criterion_couplings(spec, model),
     )
     return _checked(robot)
 
@@ -71,72 +80,43 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
     Raises:
         SpecError: If a mesh is missing or cannot be read.
     """
-    spec, urdf = robot.spec, robot.urdf
-    xml = flat_urdf(urdf, robot.platform.root_offset)
+    spec, where = robot.spec, robot.spec.where
+    assembly = Assembly(spec, robot.urdf)
+    xml = _flat(assembly.with_meshes(), where, robot.platform)
     tree = _parse(spec, xml)
-    folders = [str(folder) for folder in urdf.package_folders]
     models = []
     for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
         try:
-            models.append(pin.buildGeomFromUrdfString(tree, xml, kind, package_dirs=folders))
-        except ValueError as error:
-            raise SpecError(f"robot {spec.name!r}: geometry of {urdf.path}: {error}") from error
+            models.append(pin.buildGeomFromUrdfString(tree, xml, kind))
+        except (ValueError, RuntimeError) as error:
+            raise SpecError(f"{where}: geometry of {robot.urdf}: {error}") from error
     _, reduced = pin.buildReducedModel(
         tree,
         models,
-        _locked(spec, urdf, tree),
+        _locked(spec, assembly, robot.platform, tree),
         _named_values(spec, tree, "rest", spec.rest),
     )
     return Geometry(visual=reduced[0], collision=reduced[1])
 
 
-def _platform(spec: RobotSpec, urdf: UrdfFile) -> Platform:
-    """The platform, placed by where the URDF's wheels are."""
-    tree = _parse(spec, flat_urdf(urdf, (0.0, 0.0, 0.0)))
-    try:
-        kind = platforms.get(spec.platform.type)
-    except UnknownNameError as error:
-        raise SpecError(f"robot {spec.name!r}: field 'platform.type': {error}") from error
-    return kind.build(spec.platform.parameters, tree, f"robot {spec.name!r}")
+def _flat(robot: ET.Element, where: str, platform: Platform) -> str:
+    return flat_urdf(robot, where, platform.root_offset, platform.heading, platform.base_joints)
 
 
 def _parse(spec: RobotSpec, xml: str) -> pin.Model:
     try:
         return pin.buildModelFromXML(xml)
     except (ValueError, RuntimeError) as error:
-        raise SpecError(f"robot {spec.name!r}: Pinocchio refuses the URDF: {error}") from error
+        raise SpecError(f"{spec.where}: Pinocchio refuses the URDF: {error}") from error
 
 
-def _locked(spec: RobotSpec, urdf: UrdfFile, tree: pin.Model) -> list[int]:
+def _locked(spec: RobotSpec, assembly: Assembly, platform: Platform, tree: pin.Model) -> list[int]:
     """Indices of the joints that the description locks."""
-    names = [name for name in tree.names[1:] if name not in BASE_JOINTS]
-    locked: set[str] = set()
-    for pattern in spec.urdf.lock:
-        matching = {name for name in names if fnmatchcase(name, pattern)}
-        if not matching:
-            raise SpecError(
-                f"robot {spec.name!r}: field 'urdf.lock': no movable joint matches {pattern!r}; "
-                f"the URDF has: {', '.join(names)}"
-            )
-        locked |= matching
-    mimic = {
-        str(joint.get("name"))
-        for joint in urdf.parse().findall("joint")
-        if joint.find("mimic") is not None
-    }
-    if free := mimic & set(names) - locked:
+    if driven := assembly.locked & set(platform.coordinates):
         raise SpecError(
-            f"robot {spec.name!r}: the joints {', '.join(sorted(free))} follow others (<mimic>), which "
-            "a motor for each joint does not allow; lock them in field 'urdf.lock'"
+            f"{spec.where}: field 'urdf.lock' locks the platform's own {sorted(driven)}"
         )
-    driven = locked & {
-        value for value in spec.platform.parameters.values() if isinstance(value, str)
-    }
-    if driven:
-        raise SpecError(
-            f"robot {spec.name!r}: field 'urdf.lock' locks the platform's own {sorted(driven)}"
-        )
-    return [int(tree.getJointId(name)) for name in sorted(locked)]
+    return [int(tree.getJointId(name)) for name in sorted(assembly.locked)]
 
 
 def _named_values(
@@ -154,15 +134,19 @@ def _named_values(
             vector[model.joints[model.getJointId(name)].idx_q] = value
         elif name not in (known or []):
             raise SpecError(
-                f"robot {spec.name!r}: field '{field}' names {name!r}, which is no movable joint; "
+                f"{spec.where}: field '{field}' names {name!r}, which is no movable joint; "
                 f"allowed: {', '.join(model.names[1:])}"
             )
     return vector
 
 
-def _criterion_weights(spec: RobotSpec, model: pin.Model, known: list[str]) -> Array:
+def _criterion_weights(
+    spec: RobotSpec, platform: Platform, model: pin.Model, known: list[str]
+) -> Array:
     given = spec.criterion
-    base = dict.fromkeys(BASE_JOINTS, given.platform)
+    base = dict.fromkeys(platform.base_joints, given.platform)
+    if given.wheels is not None:
+        base |= {wheel.joint: given.wheels for wheel in platform.wheels}
     return _named_values(
         spec,
         model,
@@ -173,6 +157,16 @@ def _criterion_weights(spec: RobotSpec, model: pin.Model, known: list[str]) -> A
     )
 
 
+def _criterion_couplings(spec: RobotSpec, model: pin.Model) -> Array:
+    couplings = np.zeros((model.nq, model.nq))
+    for i, coupling in enumerate(spec.criterion.couplings):
+        field = f"criterion.couplings[{i}]"
+        row = _named_values(spec, model, field, {coupling.joint: 1.0})
+        row -= _named_values(spec, model, field, {coupling.to: coupling.ratio})
+        couplings += coupling.weight * np.outer(row, row)
+    return couplings
+
+
 def _checked(robot: MobileManipulator) -> MobileManipulator:
     """The robot, if its numbers make sense.
 
@@ -180,7 +174,7 @@ def _checked(robot: MobileManipulator) -> MobileManipulator:
         SpecError: If the rest posture is outside the limits, a weight is not positive, the arm has
             no joint, or the reduced inertia is not positive definite.
     """
-    where = f"robot {robot.name!r}"
+    where = robot.spec.where
     if robot.n == 0:
         raise SpecError(f"{where}: no joint is left for the arm; see field 'urdf.lock'")
     lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
@@ -198,10 +192,21 @@ def _checked(robot: MobileManipulator) -> MobileManipulator:
         raise SpecError(
             f"{where}: field 'arm.tip' is {robot.tip!r}, which no joint of the arm moves"
         )
-    inertia = robot.dynamics(robot.q_rest, np.zeros(robot.nz)).M
-    if not np.all(np.isfinite(inertia)) or np.linalg.eigvalsh(inertia)[0] <= 0:
+    inertia = robot.reduced_inertia(robot.q_rest)
+    if not np.all(np.isfinite(inertia)):
         raise SpecError(
-            f"{where}: the reduced inertia M is not positive definite at rest; check the <inertial> "
-            f"elements of {robot.urdf.path}"
+            f"{where}: the reduced inertia M is not finite; check <inertial> in {robot.urdf}"
+        )
+    least, directions = np.linalg.eigh(inertia)
+    if least[0] <= 0:
+        worst = [
+            robot.velocity_names[i]
+            for i in np.argsort(-np.abs(directions[:, 0]))
+            if abs(directions[i, 0]) > _SHARE
+        ]
+        raise SpecError(
+            f"{where}: the reduced inertia M is not positive definite at rest: moving "
+            f"{', '.join(worst)} meets no inertia; check mass and moments in the <inertial> elements of "
+            f"the links behind, in {robot.urdf}"
         )
     return robot

@@ -83,7 +83,7 @@ class ExtendedJacobian:
         self._robot, self._m, self._criterion = robot, task_map.m, criterion
         m, nq, nz, s = task_map.m, robot.nq, robot.nz, task_map.m + robot.k
         self.f, self.J, self.J_dot_z = np.zeros(nz), np.zeros((nz, nz)), np.zeros(nz)
-        self.complement = np.zeros((nz - m, nq))
+        self.complement = first_axes(nz - m, nq)
         self._j, self._j_rate, self._lower = np.zeros((s, nq)), np.zeros((s, nq)), np.zeros((s, s))
         self._projected = np.zeros((nz - m, nq))
         self._g, self._H, self._H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
@@ -258,6 +258,16 @@ def orthonormal_complement(j: Array) -> Array:
     if len(complement) != j.shape[1] - j.shape[0]:
         raise SingularityError("j = [df_e/dq; A 0] has lost its rank: a kinematic singularity")
     return complement
+
+
+def first_axes(rows: int, nq: int) -> Array:
+    """Any rows in general position, always the same: the first complement is that nearest to them.
+
+    A null space has no axes of its own, so those that a decomposition gives turn with its rounding.
+    """
+    i, j = np.meshgrid(np.arange(1, rows + 1), np.arange(1, nq + 1), indexing="ij")
+    axes: Array = np.cos(i * np.sqrt(j + 1.0) + i**2)
+    return axes
 
 
 def _nearest_complement(j: Array, projected: Array) -> Array:

@@ -11,10 +11,11 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import ModelError, UsageError
 from mobman.kernels.program import program
+from mobman.model.limits import Limits, limits
 from mobman.model.platforms.platform import Platform
 from mobman.model.workspace import Workspace
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf import UrdfFile
+from mobman.robots.urdf.file import UrdfSources
 
 _WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -72,24 +73,27 @@ class MobileManipulator:
     Attributes:
         name: The robot's name.
         spec: The description it was made from.
-        urdf: The URDF file it was made from.
+        urdf: The URDF files it was made from.
         model: ``pinocchio.Model`` with ``nq == nv``.
         data: Its workspace; used by the methods here, so not to be shared between threads.
         platform: The driving base.
         tip: Name of the end-effector's frame.
+        tip_frame: Its index in ``model.frames``.
         q_rest: Preferred posture, shape (nq,); also the default start.
         criterion_weights: Diagonal of K_F in the posture criterion (12), shape (nq,).
+        criterion_couplings: The rest of K_F, shape (nq, nq).
     """
 
     def __init__(
         self,
         *,
         spec: RobotSpec,
-        urdf: UrdfFile,
+        urdf: UrdfSources,
         model: pin.Model,
         platform: Platform,
         q_rest: Array,
         criterion_weights: Array,
+        criterion_couplings: Array,
     ) -> None:
         self.name = spec.name
         self.spec = spec
@@ -100,8 +104,10 @@ class MobileManipulator:
         self.tip = spec.arm.tip
         self.q_rest = q_rest
         self.criterion_weights = criterion_weights
-        self._tip_frame = model.getFrameId(self.tip)
-        if self._tip_frame >= model.nframes:
+        self.criterion_couplings = criterion_couplings
+        # a joint may have the same name
+        self.tip_frame = int(model.getFrameId(self.tip, pin.FrameType.BODY))
+        if self.tip_frame >= model.nframes:
             raise ModelError(f"robot {self.name!r}: no frame {self.tip!r}")
         index = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i}
         self.joint_names = sorted(index, key=index.__getitem__)
@@ -120,9 +126,6 @@ class MobileManipulator:
         self.n_alpha = len(platform.velocity_names)
         self.nz = self.n_alpha + self.n
         self.k = self.nq - self.nz
-        self._actuation = np.zeros((self.nq, self.nz))
-        self._actuation[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
-        self._actuation[np.ix_(self.platform_index, np.arange(self.n_alpha))] = platform.actuation
         self._view_pinocchio()
         self._own: _Own | None = None
 
@@ -140,6 +143,7 @@ class MobileManipulator:
             platform=self.platform,
             q_rest=self.q_rest,
             criterion_weights=self.criterion_weights,
+            criterion_couplings=self.criterion_couplings,
         )
 
     def checked_configuration(self, q: Array) -> Array:
@@ -159,10 +163,15 @@ class MobileManipulator:
             )
         return configuration
 
+    @property
+    def limits(self) -> Limits:
+        """Bounds of q, z and the torques that the URDF states; simulation does not enforce them."""
+        return limits(self)
+
     def _view_pinocchio(self) -> None:
         """Look at Pinocchio's results where they are, instead of copying them at every call."""
         model, data = self.model, self.data
-        tip = model.frames[self._tip_frame]
+        tip = model.frames[self.tip_frame]
         joint = tip.parentJoint
         self.inertia_view: Array = data.M
         self.nonlinear_view: Array = data.nle
@@ -173,7 +182,6 @@ class MobileManipulator:
         self.tip_offset = np.array(tip.placement.translation)
         self.tip_chain = np.zeros(self.nq)
         self.tip_chain[[model.joints[i].idx_v for i in model.supports[joint] if i]] = 1.0
-        self.platform_actuation = np.ascontiguousarray(self.platform.actuation, dtype=float)
 
     # Kinematics of the constraints -------------------------------------------------------------
 
@@ -233,10 +241,21 @@ class MobileManipulator:
 
     # Dynamics ----------------------------------------------------------------------------------
 
-    @property
-    def actuation(self) -> Array:
-        """B' of (16): which coordinates the motors drive, shape (nq, nz)."""
-        return self._actuation
+    def actuation(self, q: Array) -> Array:
+        """B'(q) of (16): the generalised forces that each command makes, shape (nq, nz)."""
+        matrix = np.zeros((self.nq, self.nz))
+        matrix[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
+        matrix[np.ix_(self.platform_index, np.arange(self.n_alpha))] = self.platform.actuation(
+            q[self.platform_index]
+        )
+        return matrix
+
+    def reduced_inertia(self, q: Array) -> Array:
+        """M = C^T M' C of (17) by itself, shape (nz, nz); :meth:`dynamics` is for many calls."""
+        upper = np.triu(pin.crba(self.model, self.data, q))
+        c = self.velocity_map(q)
+        reduced: Array = c.T @ (upper + np.triu(upper, 1).T) @ c
+        return reduced
 
     def dynamics(self, q: Array, z: Array) -> Dynamics:
         """The reduced dynamics (17) at (q, z): each of Pinocchio's algorithms runs once.
@@ -266,12 +285,19 @@ class MobileManipulator:
     def tip_pose(self, q: Array) -> pin.SE3:
         """Placement of the tip frame in the world."""
         pin.forwardKinematics(self.model, self.data, q)
-        return pin.updateFramePlacement(self.model, self.data, self._tip_frame).copy()
+        return pin.updateFramePlacement(self.model, self.data, self.tip_frame).copy()
+
+    def arm_origin(self, q: Array) -> Array:
+        """Where the first joint is that moves the tip and is not the platform's (m), shape (3,)."""
+        pin.forwardKinematics(self.model, self.data, q)
+        chain = self.model.supports[self.model.frames[self.tip_frame].parentJoint]
+        first = next(i for i in chain if self.model.joints[i].idx_q in self.arm_index)
+        return np.array(self.data.oMi[first].translation)
 
     def tip_jacobian(self, q: Array) -> Array:
         """Jacobian of the tip in world axes, linear rows first, shape (6, nq)."""
         return np.array(
-            pin.computeFrameJacobian(self.model, self.data, q, self._tip_frame, _WORLD_AXES)
+            pin.computeFrameJacobian(self.model, self.data, q, self.tip_frame, _WORLD_AXES)
         )
 
     def tip_kinematics(self, q: Array, z: Array) -> TipKinematics:

@@ -57,6 +57,7 @@ class Workspace:
         self.N, self.N_rate = np.zeros((l, p)), np.zeros((l, p))
         self.q_dot, self.C_dot_z = np.zeros(robot.nq), np.zeros(robot.nq)
         self.C = np.zeros((robot.nq, robot.nz))
+        self.platform_B = np.zeros((l, p))
         self.platform_A = np.zeros((robot.k, l))
         self.A_x, self.A_x_rate = np.zeros((robot.k, l, l)), np.zeros((robot.k, l, l))
         self.A, self.A_rate = np.zeros((robot.k, robot.nq)), np.zeros((robot.k, robot.nq))
@@ -145,18 +146,19 @@ class Workspace:
 
     def inertia_steps(self) -> list[Call]:
         """M and B, after :meth:`velocity_steps` and :meth:`run_inertia` or :meth:`run_dynamics`."""
-        robot = self._robot
+        robot, equations = self._robot, self._robot.platform.equations
         return [
+            call(equations.actuation, equations.parameters, self.x, self.platform_B),
             call(
                 reduced_inertia,
                 robot.inertia_view,
                 robot.platform_index,
                 robot.arm_index,
                 self.N,
-                robot.platform_actuation,
+                self.platform_B,
                 self.M,
                 self.B,
-            )
+            ),
         ]
 
     def bias_steps(self) -> list[Call]:

@@ -161,7 +161,7 @@ def true_robot(
         link = model.inertias[i]
         model.inertias[i] = pin.Inertia(link.mass * mass_factor, link.lever, link.inertia * turning)
     if payload > 0.0:
-        tip = model.frames[model.getFrameId(robot.tip)]
+        tip = model.frames[robot.tip_frame]
         mass = pin.Inertia(payload, np.zeros(3), np.zeros((3, 3)))
         model.appendBodyToJoint(tip.parentJoint, mass, tip.placement)
     return robot.with_model(model)

@@ -164,7 +164,8 @@ def test_equal_positive_alphas_drive_forward_and_a_larger_right_one_turns_left(c
 
 
 def test_motors_drive_the_wheels(case):
-    assert case[0].actuation.tolist() == [[0, 0], [0, 0], [0, 0], [1, 0], [0, 1]]
+    for x, *_ in _states(5):
+        assert case[0].actuation(x).tolist() == [[0, 0], [0, 0], [0, 0], [1, 0], [0, 1]]
 
 
 def test_platform_types_are_found_by_name():

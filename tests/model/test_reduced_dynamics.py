@@ -43,15 +43,32 @@ def test_kinetic_energy_is_half_z_M_z(robot):
         assert abs(kinetic - expected) < 1e-10 * max(1.0, expected)
 
 
-def test_motors_act_on_the_driven_coordinates(robot):
-    """B = C^T B', where B' of (16) has a 1 for each wheel and each joint of the arm."""
-    driven = np.zeros((robot.nq, robot.nz))
-    names = [*robot.platform.coordinates[3:], *robot.velocity_names[robot.n_alpha :]]
-    for motor, name in enumerate(names):
-        driven[robot.joint_names.index(name), motor] = 1.0
-    assert np.array_equal(robot.actuation, driven)
+def test_actuation_is_that_of_the_motors(robot):
+    """B = C^T B' of (17); every joint of the arm has a motor of its own."""
     for q, z in random_states(robot, 20):
-        assert relative(robot.dynamics(q, z).B, robot.velocity_map(q).T @ driven) < 1e-14
+        driven = robot.actuation(q)
+        assert relative(robot.dynamics(q, z).B, robot.velocity_map(q).T @ driven) < 1e-12
+        arm = np.zeros((robot.nq, robot.n))
+        arm[robot.arm_index, np.arange(robot.n)] = 1.0
+        assert np.array_equal(driven[:, robot.n_alpha :], arm)
+
+
+def test_power_of_the_motors_is_what_the_robot_takes_up(robot):
+    """d/dt of the energy under a torque is q'^T B' v: gravity and Coriolis forces do no more."""
+    random = np.random.default_rng(8)
+    for q, z in random_states(robot, 20):
+        torque = random.standard_normal(robot.nz)
+        dynamics = robot.dynamics(q, z)
+        z_dot = np.linalg.solve(dynamics.M, dynamics.B @ torque - dynamics.bias)
+        q_dot = robot.velocity_map(q) @ z
+        h = 1e-5
+        step = (
+            robot.energy(q + h * q_dot, z + h * z_dot),
+            robot.energy(q - h * q_dot, z - h * z_dot),
+        )
+        power = q_dot @ robot.actuation(q) @ torque
+        scale = max(1.0, abs(power), np.abs(q_dot) @ np.abs(robot.actuation(q) @ torque))
+        assert abs((step[0] - step[1]) / (2 * h) - power) < 1e-4 * scale
 
 
 def test_acceleration_is_that_of_the_full_model_with_multipliers(robot):
@@ -68,7 +85,7 @@ def test_acceleration_is_that_of_the_full_model_with_multipliers(robot):
         a = robot.constraint_matrix(q)
         system = np.block([[inertia, a.T], [a, np.zeros((k, k))]])
         right = np.concatenate(
-            (robot.actuation @ torque - bias, -robot.constraint_matrix_rate(q, q_dot) @ q_dot)
+            (robot.actuation(q) @ torque - bias, -robot.constraint_matrix_rate(q, q_dot) @ q_dot)
         )
         expected = np.linalg.solve(system, right)[:nq]
         dynamics = robot.dynamics(q, z)

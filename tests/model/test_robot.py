@@ -18,9 +18,9 @@ def test_coordinates_are_flat(robot):
     assert np.allclose(pin.integrate(model, q, step), q + step, atol=1e-12)
 
 
-def test_platform_pose_is_three_joints_of_one_degree(robot):
+def test_platform_pose_is_three_joints_of_one_degree(driving_robot):
     """One composite joint of three would make Pinocchio's Jacobian rates wrong."""
-    model = robot.model
+    model = driving_robot.model
     for name, kind in (("base_x", "PX"), ("base_y", "PY"), ("base_theta", "RZ")):
         assert model.joints[model.getJointId(name)].shortname() == f"JointModel{kind}"
     assert "JointModelComposite" not in {joint.shortname() for joint in model.joints}
@@ -34,7 +34,7 @@ def test_joint_names_are_in_the_order_of_q(robot):
 
 def test_velocity_names_are_alpha_then_the_arm_in_the_order_of_q(robot):
     arm = [robot.joint_names[i] for i in robot.arm_index]
-    assert robot.velocity_names == ["alpha_1", "alpha_2", *arm]
+    assert robot.velocity_names == [*robot.platform.velocity_names, *arm]
     assert list(robot.arm_index) == sorted(robot.arm_index)
     assert len(robot.velocity_names) == robot.nz == robot.nq - robot.k
 
@@ -71,9 +71,25 @@ def test_rest_posture_is_what_the_description_says(robot):
 
 def test_criterion_weights_are_what_the_description_says(robot):
     given = robot.spec.criterion
+    wheels = {wheel.joint for wheel in robot.platform.wheels}
     for name, weight in zip(robot.joint_names, robot.criterion_weights, strict=True):
         default = given.platform if name.startswith("base_") else given.default
+        if name in wheels and given.wheels is not None:
+            default = given.wheels
         assert weight == given.weights.get(name, default)
+
+
+def test_criterion_couplings_are_what_the_description_says(robot):
+    """The rest of K_F is the Hessian of the sum of w/2 (dq_joint - ratio dq_to)^2."""
+    random = np.random.default_rng(3)
+    for _ in range(5):
+        change = random.standard_normal(robot.nq)
+        moved = dict(zip(robot.joint_names, change, strict=True))
+        expected = sum(
+            0.5 * wish.weight * (moved[wish.joint] - wish.ratio * moved[wish.to]) ** 2
+            for wish in robot.spec.criterion.couplings
+        )
+        assert np.isclose(0.5 * change @ robot.criterion_couplings @ change, expected)
 
 
 def test_results_do_not_change_when_the_robot_is_used_again(robot):

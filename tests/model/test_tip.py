@@ -81,8 +81,9 @@ def test_tip_is_the_frame_of_the_description(robot):
         assert np.allclose(robot.tip_pose(q).homogeneous, frame.homogeneous, atol=1e-13)
 
 
-def test_driving_moves_the_tip_with_the_platform(robot):
+def test_driving_moves_the_tip_with_the_platform(driving_robot):
     """Turning the platform in place carries the tip around its reference point."""
+    robot = driving_robot
     q = robot.q_rest.copy()
     x, y, heading = (robot.joint_names.index(f"base_{name}") for name in ("x", "y", "theta"))
     before = np.array(robot.tip_pose(q).translation)

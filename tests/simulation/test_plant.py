@@ -8,7 +8,6 @@ import pytest
 from support.states import random_states
 
 import mobman as mm
-from mobman.model.platforms.types.differential import Differential
 from mobman.simulation.plant import Plant, true_robot
 
 
@@ -87,7 +86,7 @@ def test_nominal_robot_stays_as_it_was(youbot):
 
 def test_kinematics_and_constraints_stay(robot):
     other = true_robot(robot, 1.3, 0.5, 1.0)
-    assert isinstance(other.platform, Differential)
+    assert other.platform is robot.platform
     assert other.joint_names == robot.joint_names
     for q, _ in random_states(robot, 5):
         assert np.allclose(other.tip_pose(q).homogeneous, robot.tip_pose(q).homogeneous)

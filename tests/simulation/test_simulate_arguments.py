@@ -151,7 +151,7 @@ def test_motion_is_that_of_the_full_model(youbot):
         a = youbot.constraint_matrix(q)
         right = -youbot.constraint_matrix_rate(q, q_dot) @ q_dot
         system = np.block([[inertia, a.T], [a, np.zeros((3, 3))]])
-        force = youbot.actuation @ torque - bias
+        force = youbot.actuation(q) @ torque - bias
         return np.linalg.solve(system, np.concatenate((force, right)))[:8]
 
     q, q_dot, h = youbot.q_rest.copy(), np.zeros(8), 1e-3

@@ -34,4 +34,5 @@ def relative(found, expected) -> float:
     """Largest difference of two arrays over the largest entry of the expected one (or 1)."""
     found, expected = np.asarray(found), np.asarray(expected)
     assert found.shape == expected.shape
-    return float(np.abs(found - expected).max() / max(1.0, np.abs(expected).max()))
+    largest = np.abs(expected).max(initial=0.0)
+    return float(np.abs(found - expected).max(initial=0.0) / max(1.0, largest))

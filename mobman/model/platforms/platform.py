@@ -2,15 +2,42 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
+from mobman.errors import SpecError
+from mobman.kernels.kernel import plain
 from mobman.registry import Registry
+from mobman.robots.urdf.flat import BASE_JOINTS
+
+
+class Wheel(NamedTuple):
+    """A wheel that rolls on the ground."""
+
+    joint: str
+    """Its joint, one of the platform's coordinates."""
+    radius: float
+    """m."""
+
+
+class Site(NamedTuple):
+    """What a platform is made from."""
+
+    parameters: dict[str, Any]
+    """The type's own fields of ``[platform]``, not yet checked."""
+    tree: pin.Model
+    """The robot with its root link at the world's origin; for reading where the wheels are."""
+    origin: str
+    """What to call the description in messages."""
+    folder: Path
+    """What relative paths in the description start from."""
 
 
 class Equations(NamedTuple):
@@ -30,6 +57,9 @@ class Equations(NamedTuple):
     """(parameters, x, A, A_x): A(x), shape (k, l), and its derivatives dA_ij/dx_m, shape (k, l, l)."""
     constraint_derivative_rate: Callable[[Array, Array, Array, Array], None]
     """(parameters, x, x_dot, A_x_rate): the rate of those along x', shape (k, l, l)."""
+    actuation: Callable[[Array, Array, Array], None]
+    """(parameters, x, B): B'' of (16), the generalised forces of x that each command makes; shape
+    (l, l-k). For motors on the coordinates themselves it is a selection of them."""
 
 
 class Platform(ABC):
@@ -47,21 +77,39 @@ class Platform(ABC):
     root_offset: Array
     """Position of the URDF's root link in the platform frame (m), shape (3,). The frame's origin is
     the reference point (x1, x2) on the ground, its x axis the heading theta."""
+    heading: float = 0.0
+    """Direction of the platform frame's x axis in the root link's frame, about z (rad)."""
+    base_joints: tuple[str, ...] = BASE_JOINTS
+    """The joints that move the platform: :data:`BASE_JOINTS`, or none."""
+    wheels: tuple[Wheel, ...] = ()
+    """The wheels among the coordinates."""
 
     @classmethod
     @abstractmethod
-    def build(cls, parameters: dict[str, Any], tree: pin.Model, origin: str) -> Platform:
+    def build(cls, site: Site) -> Platform:
         """A platform from the fields of ``[platform]`` and the URDF's kinematic tree.
-
-        Args:
-            parameters: The type's own fields, not yet checked.
-            tree: The robot with its root link at the platform frame's origin and the base joints in
-                front; for reading where the wheels are.
-            origin: The file, for messages.
 
         Raises:
             SpecError: If a field is wrong or the tree does not fit the type.
         """
+
+    @classmethod
+    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
+        """The URDF of a platform that is described by its numbers, ``[platform.body]``.
+
+        Its links ``platform`` (on the ground, at the platform's centre) and ``deck`` (top of the
+        body, where an arm is mounted) are there for every type.
+
+        Args:
+            parameters: The type's own fields, not yet checked.
+            origin: What to call the description in messages.
+
+        Raises:
+            SpecError: If a field is wrong, or the type cannot be described so.
+        """
+        raise SpecError(
+            f"{origin}: field 'urdf' is missing: this platform type has no description by numbers"
+        )
 
     @property
     @abstractmethod
@@ -79,15 +127,21 @@ class Platform(ABC):
 
     def velocity_map(self, x: Array) -> Array:
         """N(x), shape (l, l-k)."""
-        n = np.zeros((len(self.coordinates), len(self.velocity_names)))
-        self.equations.velocity_map(self.equations.parameters, x, n)
+        n = self._per_velocity()
+        plain(self.equations.velocity_map)(self.equations.parameters, x, n)
         return n
 
     def velocity_map_rate(self, x: Array, x_dot: Array) -> Array:
         """dN/dt along x', shape (l, l-k)."""
-        rate = np.zeros((len(self.coordinates), len(self.velocity_names)))
-        self.equations.velocity_map_rate(self.equations.parameters, x, x_dot, rate)
+        rate = self._per_velocity()
+        plain(self.equations.velocity_map_rate)(self.equations.parameters, x, x_dot, rate)
         return rate
+
+    def actuation(self, x: Array) -> Array:
+        """B''(x) of (16), shape (l, l-k)."""
+        b = self._per_velocity()
+        plain(self.equations.actuation)(self.equations.parameters, x, b)
+        return b
 
     def constraint_hessian(self, x: Array, multiplier: Array) -> Array:
         """d(A^T lam)/dx at fixed lam, shape (l, l); not symmetric: the constraints do not integrate."""
@@ -97,19 +151,18 @@ class Platform(ABC):
         """d/dt of :meth:`constraint_hessian` along x' at fixed lam, shape (l, l)."""
         l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
         rate = np.zeros((k, l, l))
-        self.equations.constraint_derivative_rate(self.equations.parameters, x, x_dot, rate)
+        equations = self.equations
+        plain(equations.constraint_derivative_rate)(equations.parameters, x, x_dot, rate)
         return np.tensordot(multiplier, rate, axes=1)
 
     def _constraints(self, x: Array) -> tuple[Array, Array]:
         l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
         a, a_x = np.zeros((k, l)), np.zeros((k, l, l))
-        self.equations.constraints(self.equations.parameters, x, a, a_x)
+        plain(self.equations.constraints)(self.equations.parameters, x, a, a_x)
         return a, a_x
 
-    @property
-    @abstractmethod
-    def actuation(self) -> Array:
-        """B'' of (16), shape (l, l-k): 1 where a motor drives a coordinate directly."""
+    def _per_velocity(self) -> Array:
+        return np.zeros((len(self.coordinates), len(self.velocity_names)))
 
 
 platforms: Registry[type[Platform]] = Registry("platform type", "mobman.model.platforms.types")

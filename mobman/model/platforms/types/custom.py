@@ -1,0 +1,309 @@
+"""A platform of the user's own: A and N in Python."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from pydantic import Field
+
+from mobman.arrays import Array
+from mobman.errors import SpecError
+from mobman.model.platforms.platform import Equations, Platform, Site, Wheel, platforms
+from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.toml_model import Strict, validate
+
+# Central differences of order 8: with such steps the truncation, 1e-16 of a ninth and 1e-15 of a tenth
+# derivative, is below rounding.
+_STEP, _WEIGHTS = 0.02, (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+_SECOND_STEP, _SECOND_WEIGHTS = 0.04, (8 / 5, -1 / 5, 8 / 315, -1 / 560)
+
+
+class CustomParameters(Strict):
+    """The fields of ``[platform]`` for ``type = "custom"``."""
+
+    definition: str = Field(pattern=r"^.+:[A-Za-z_][A-Za-z0-9_]*$")
+    """The class: ``"file.py:Class"``, relative to the TOML, or ``"package.module:Class"``."""
+    options: dict[str, Any] = {}
+    """What it is called with, by name."""
+
+
+@runtime_checkable
+class PlatformDefinition(Protocol):
+    """What a user's class must have.
+
+    Optional: ``root_offset`` (3,), ``heading`` and ``wheels`` (pairs of a joint and a radius), as of
+    :class:`Platform`; ``actuation(x)``, B'' of
+    (16), shape (l, l-k), by default N (N^T N)^-1, so that the commands are the forces that belong to
+    alpha and B is the identity; and exact derivatives, each found by finite differences (to rounding,
+    but slowly) where it is missing: ``velocity_map_rate(x, x_dot)``, shape (l, l-k),
+    ``constraint_derivative(x)`` dA_ij/dx_m, shape (k, l, l), and its rate
+    ``constraint_derivative_rate(x, x_dot)``.
+    """
+
+    coordinates: Sequence[str]
+    """Joint names of x: ``base_x``, ``base_y``, ``base_theta`` first, then joints of the URDF."""
+    velocity_names: Sequence[str]
+    """Names of alpha."""
+
+    def constraint_matrix(self, x: Array) -> Array:
+        """A(x), shape (k, l); smooth."""
+        ...
+
+    def velocity_map(self, x: Array) -> Array:
+        """N(x), shape (l, l-k); smooth."""
+        ...
+
+
+class Custom(Platform):
+    """A platform defined by the user's A(x) and N(x).
+
+    Args:
+        definition: What gives them.
+        where: What to call it in messages.
+
+    Raises:
+        SpecError: If it lacks something, gives wrong shapes, or A N is not 0.
+    """
+
+    def __init__(self, definition: PlatformDefinition, where: str) -> None:
+        if not isinstance(definition, PlatformDefinition):
+            raise SpecError(
+                f"{where}: {type(definition).__name__} needs coordinates, velocity_names, "
+                "constraint_matrix(x) and velocity_map(x)"
+            )
+        self._definition = definition
+        self.coordinates = tuple(definition.coordinates)
+        self.velocity_names = tuple(definition.velocity_names)
+        try:
+            self.root_offset = np.array(
+                getattr(definition, "root_offset", np.zeros(3)), dtype=float
+            )
+            self.heading = float(getattr(definition, "heading", 0.0))
+            self.wheels = tuple(
+                Wheel(str(joint), float(radius))
+                for joint, radius in getattr(definition, "wheels", ())
+            )
+        except (TypeError, ValueError) as error:
+            raise SpecError(
+                f"{where}: root_offset is to be 3 numbers (m), heading a number (rad), wheels pairs of "
+                f"a joint and a radius (m): {error}"
+            ) from error
+        self._equations = Equations(
+            np.zeros(0),
+            self._velocity_map,
+            self._velocity_map_rate,
+            self._constraints_into,
+            self._constraint_derivative_rate,
+            self._actuation,
+        )
+        self._check(where)
+
+    @classmethod
+    def build(cls, site: Site) -> Custom:
+        """See :meth:`Platform.build`."""
+        given = validate(CustomParameters, site.parameters, f"{site.origin}: [platform]")
+        where = f"{site.origin}: field 'platform.definition' is {given.definition!r}"
+        made = _load(given.definition, site.folder, where)
+        try:
+            definition = made(**given.options)
+        except Exception as error:  # the user's code may raise anything
+            raise SpecError(f"{where}: calling it failed: {error!r}") from error
+        platform = cls(definition, where)
+        for name in platform.coordinates[3:]:
+            if not site.tree.existJointName(name):
+                raise SpecError(
+                    f"{where}: its coordinate {name!r} is no movable joint; there are: "
+                    f"{', '.join(list(site.tree.names)[1:])}"
+                )
+        return platform
+
+    @property
+    def equations(self) -> Equations:
+        """The user's A and N."""
+        return self._equations
+
+    def _velocity_map(self, parameters: Array, x: Array, N: Array) -> None:
+        N[:] = self._definition.velocity_map(x.copy())
+
+    def _velocity_map_rate(self, parameters: Array, x: Array, x_dot: Array, N_rate: Array) -> None:
+        exact = getattr(self._definition, "velocity_map_rate", None)
+        if exact is not None:
+            N_rate[:] = exact(x.copy(), x_dot.copy())
+        else:
+            N_rate[:] = _along(self._definition.velocity_map, x, x_dot)
+
+    def _constraints_into(self, parameters: Array, x: Array, A: Array, A_x: Array) -> None:
+        A[:] = self._definition.constraint_matrix(x.copy())
+        A_x[:] = self._derivative(x)
+
+    def _constraint_derivative_rate(
+        self, parameters: Array, x: Array, x_dot: Array, A_x_rate: Array
+    ) -> None:
+        exact = getattr(self._definition, "constraint_derivative_rate", None)
+        if exact is not None:
+            A_x_rate[:] = exact(x.copy(), x_dot.copy())
+        else:
+            matrix, directions = self._definition.constraint_matrix, np.eye(len(x))
+            A_x_rate[:] = np.stack([_mixed(matrix, x, e, x_dot) for e in directions], axis=-1)
+
+    def _actuation(self, parameters: Array, x: Array, B: Array) -> None:
+        own = getattr(self._definition, "actuation", None)
+        if own is not None:
+            B[:] = own(x.copy())
+        else:
+            n = np.asarray(self._definition.velocity_map(x.copy()), dtype=float)
+            B[:] = n @ np.linalg.inv(n.T @ n)
+
+    def _derivative(self, x: Array) -> Array:
+        exact = getattr(self._definition, "constraint_derivative", None)
+        if exact is not None:
+            return np.asarray(exact(x.copy()), dtype=float)
+        matrix = self._definition.constraint_matrix
+        return np.stack([_along(matrix, x, direction) for direction in np.eye(len(x))], axis=-1)
+
+    def _check(self, where: str) -> None:
+        self._check_places(where)
+        l, p = len(self.coordinates), len(self.velocity_names)
+        k = l - p
+        x, x_dot = np.linspace(0.1, 0.5, l), np.linspace(-0.3, 0.2, l)
+        a = self._checked(where, "constraint_matrix", (k, l), x)
+        n = self._checked(where, "velocity_map", (l, p), x)
+        for name, shape, arguments in (
+            ("actuation", (l, p), (x,)),
+            ("velocity_map_rate", (l, p), (x, x_dot)),
+            ("constraint_derivative", (k, l, l), (x,)),
+            ("constraint_derivative_rate", (k, l, l), (x, x_dot)),
+        ):
+            if hasattr(self._definition, name):
+                self._checked(where, name, shape, *arguments)
+        size = max(1.0, float(np.abs(a).max(initial=0.0)) * float(np.abs(n).max(initial=0.0)))
+        if (residual := float(np.abs(a @ n).max(initial=0.0))) > 1e-9 * size:
+            raise SpecError(
+                f"{where}: A(x) N(x) is not 0 but {residual:.2g}, at x = {x.tolist()}: the velocities "
+                "break the constraints (4)"
+            )
+        for what, matrix, rank in (("columns of N(x)", n, p), ("rows of A(x)", a, k)):
+            if rank and np.linalg.matrix_rank(matrix) < rank:
+                raise SpecError(f"{where}: the {what} depend on each other, at x = {x.tolist()}")
+
+    def _check_places(self, where: str) -> None:
+        if self.coordinates[:3] != BASE_JOINTS:
+            raise SpecError(
+                f"{where}: its coordinates are {self.coordinates}; the first three are to be "
+                f"{', '.join(BASE_JOINTS)}"
+            )
+        if self.root_offset.shape != (3,) or not np.all(np.isfinite(self.root_offset)):
+            raise SpecError(f"{where}: root_offset is {self.root_offset}; needed: 3 numbers (m)")
+        for wheel in self.wheels:
+            if wheel.joint not in self.coordinates or not 0.0 < wheel.radius < np.inf:
+                raise SpecError(
+                    f"{where}: wheels has {tuple(wheel)}; needed: one of its coordinates, and a radius "
+                    "above 0 (m)"
+                )
+
+    def _checked(self, where: str, name: str, shape: tuple[int, ...], *arguments: Array) -> Array:
+        """What one of the user's functions gives.
+
+        Raises:
+            SpecError: If it fails, or gives another shape or what is no number.
+        """
+        try:
+            given = getattr(self._definition, name)(*(argument.copy() for argument in arguments))
+            found: Array = np.asarray(given, dtype=float)
+        except Exception as error:  # the user's code may raise anything
+            raise SpecError(f"{where}: {name} failed: {error!r}") from error
+        if found.shape != shape or not np.all(np.isfinite(found)):
+            raise SpecError(
+                f"{where}: {name} gives shape {found.shape}; needed: {shape}, finite numbers, for "
+                f"{len(self.coordinates)} coordinates and {len(self.velocity_names)} velocities"
+            )
+        return found
+
+
+def _along(function: Callable[[Array], Array], x: Array, direction: Array) -> Array:
+    """Derivative of a smooth function at x along a direction."""
+    size = float(np.linalg.norm(direction))
+    if size == 0.0:
+        return np.zeros_like(np.asarray(function(x.copy()), dtype=float))
+    step = _STEP / size * direction
+    parts = [
+        weight * (np.asarray(function(x + k * step)) - np.asarray(function(x - k * step)))
+        for k, weight in enumerate(_WEIGHTS, start=1)
+    ]
+    result: Array = np.sum(parts, axis=0) * (size / _STEP)
+    return result
+
+
+def _mixed(function: Callable[[Array], Array], x: Array, first: Array, second: Array) -> Array:
+    """Second derivative of a smooth function at x along one direction, then another."""
+    size = float(np.linalg.norm(second))
+    if size == 0.0:
+        return np.zeros_like(np.asarray(function(x.copy()), dtype=float))
+    unit = second / size
+    sum_of, difference = _twice(function, x, first + unit), _twice(function, x, first - unit)
+    result: Array = 0.25 * size * (sum_of - difference)
+    return result
+
+
+def _twice(function: Callable[[Array], Array], x: Array, direction: Array) -> Array:
+    """Second derivative of a smooth function at x along a direction."""
+    here = np.asarray(function(x.copy()), dtype=float)
+    step = _SECOND_STEP * direction
+    parts = [
+        weight
+        * (np.asarray(function(x + k * step)) + np.asarray(function(x - k * step)) - 2 * here)
+        for k, weight in enumerate(_SECOND_WEIGHTS, start=1)
+    ]
+    result: Array = np.sum(parts, axis=0) / _SECOND_STEP**2
+    return result
+
+
+def _load(definition: str, folder: Path, where: str) -> Any:
+    """The class that a definition names.
+
+    Raises:
+        SpecError: If it cannot be imported.
+    """
+    module_name, _, name = definition.rpartition(":")
+    try:
+        if module_name.endswith(".py"):
+            path = (folder / module_name).resolve()
+            if not path.is_file():
+                raise SpecError(f"{where}: there is no file {path}")
+            module = _import_file(path)
+        else:
+            module = importlib.import_module(module_name)
+    except SpecError:
+        raise
+    except (Exception, SystemExit) as error:  # the user's module may raise anything
+        raise SpecError(f"{where}: importing it failed: {error!r}") from error
+    if not hasattr(module, name):
+        raise SpecError(f"{where}: {module_name} has no {name!r}")
+    return getattr(module, name)
+
+
+def _import_file(path: Path) -> ModuleType:
+    """The module in a file, under a name of its own, which dataclasses and pickles look it up by."""
+    name = f"mobman_platform_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+platforms.register("custom", Custom)

@@ -1,0 +1,84 @@
+"""No platform: an arm that stands on the ground."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+
+from mobman.arrays import Matrix, Tensor, Vector
+from mobman.kernels.kernel import kernel
+from mobman.model.platforms.body import BASE_LINK, DECK, Body, body_urdf
+from mobman.model.platforms.platform import Equations, Platform, Site, platforms
+from mobman.toml_model import Strict, validate
+
+
+class FixedParameters(Strict):
+    """The fields of ``[platform]`` for ``type = "fixed"``."""
+
+    body: Body | None = None
+    """A pedestal."""
+
+
+class Fixed(Platform):
+    r"""A base that does not move, :math:`l = k = 0`: z is the arm's :math:`\dot y`, B the identity.
+
+    The root link is at the world's origin.
+    """
+
+    coordinates = ()
+    velocity_names = ()
+    base_joints = ()
+
+    def __init__(self) -> None:
+        self.root_offset = np.zeros(3)
+        self._equations = Equations(np.zeros(0), _nothing, _no_rate, _none, _no_rates, _nothing)
+
+    @classmethod
+    def build(cls, site: Site) -> Fixed:
+        """See :meth:`Platform.build`."""
+        validate(FixedParameters, site.parameters, f"{site.origin}: [platform]")
+        return cls()
+
+    @classmethod
+    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
+        """See :meth:`Platform.describe`: a pedestal, or nothing but the two links."""
+        given = validate(FixedParameters, parameters, f"{origin}: [platform]")
+        if given.body is not None:
+            return body_urdf(given.body)
+        robot = ET.Element("robot", name="platform")
+        for link in (BASE_LINK, DECK):
+            ET.SubElement(robot, "link", name=link)
+        joint = ET.SubElement(robot, "joint", name="deck_joint", type="fixed")
+        ET.SubElement(joint, "parent", link=BASE_LINK)
+        ET.SubElement(joint, "child", link=DECK)
+        return robot
+
+    @property
+    def equations(self) -> Equations:
+        """Of no coordinates."""
+        return self._equations
+
+
+@kernel
+def _nothing(parameters: Vector, x: Vector, matrix: Matrix) -> None:
+    """N and B'' have no entries."""
+
+
+@kernel
+def _no_rate(parameters: Vector, x: Vector, x_dot: Vector, rate: Matrix) -> None:
+    """Nor has N'."""
+
+
+@kernel
+def _none(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None:
+    """Nor has A."""
+
+
+@kernel
+def _no_rates(parameters: Vector, x: Vector, x_dot: Vector, A_x_rate: Tensor) -> None:
+    """Nor have the derivatives of A."""
+
+
+platforms.register("fixed", Fixed)

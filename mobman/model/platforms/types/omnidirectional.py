@@ -1,0 +1,239 @@
+"""Omnidirectional platforms: three or more omni or mecanum wheels."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from mobman.arrays import Array
+from mobman.errors import SpecError
+from mobman.model.platforms.body import (
+    WheeledBody,
+    WheelPart,
+    body_urdf,
+    joint_names,
+    required,
+    required_body,
+)
+from mobman.model.platforms.body_frame import BodyFramePlatform
+from mobman.model.platforms.platform import Site, Wheel, platforms
+from mobman.model.platforms.wheels import (
+    AXIS_TOLERANCE,
+    LENGTH_TOLERANCE,
+    JointPlace,
+    joint_place,
+)
+from mobman.toml_model import Strict, validate
+
+_SINGULAR = 1e-3  # ratio of singular values below which the wheels leave a direction free
+
+
+class OmnidirectionalBody(WheeledBody):
+    """The fields of ``[platform.body]``: wheels on a rectangle (mecanum) or on a circle (omni)."""
+
+    wheelbase: float | None = Field(None, gt=0)
+    """Mecanum: distance of the front and the rear axle (m)."""
+    half_track: float | None = Field(None, gt=0)
+    """Mecanum: half the distance of the right and the left wheels (m)."""
+    circle: float | None = Field(None, gt=0)
+    """Omni: distance of the wheels from the centre (m)."""
+    angles: list[float] = []
+    """Omni: where on the circle they are, from forward, anticlockwise (rad)."""
+
+
+class OmnidirectionalParameters(Strict):
+    """The fields of ``[platform]`` for ``type = "omnidirectional"``."""
+
+    kind: Literal["mecanum", "omni"]
+    """Rollers at 45 degrees to the wheel's axis, or across it."""
+    wheels: list[str] = []
+    """URDF joints of the wheels, three or more."""
+    wheel_radius: float = Field(gt=0)
+    """R (m)."""
+    roller_angles: list[float] | None = None
+    """For each wheel, the axis of the roller that touches the ground, seen from above and from the
+    wheel's forward direction, anticlockwise (rad). By default 0 for omni wheels; for mecanum wheels
+    -pi/4 front left and rear right, pi/4 front right and rear left."""
+    heading: float = 0.0
+    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
+    body: OmnidirectionalBody | None = None
+    """The platform by its numbers instead of by a URDF."""
+
+
+class Omnidirectional(BodyFramePlatform):
+    r"""Wheels with rollers, :math:`l = 3 + w` for w wheels, :math:`k = w`.
+
+    Coordinates :math:`x = (x_1, x_2, \theta, \phi_1, \dots, \phi_w)`, with (x1, x2) in the middle of
+    the wheels; :math:`\alpha = (v_x, v_y, \omega)` in the platform's axes (m/s, rad/s). A roller lets
+    its wheel slide across the roller's axis r only, so that along it the wheel's centre moves as the
+    wheel turns, :math:`\langle r, v_c\rangle = R\dot\phi\,\langle r, f\rangle` with the wheel's
+    forward direction f: one constraint a wheel, and none on the platform's own motion.
+
+    The commands are the force and the torque on the platform (N, N, N m), so that B is the identity;
+    the w motors share them with the least sum of squares, :math:`\tau = W(W^TW)^{-1} v` for
+    :math:`\dot\phi = W\alpha`.
+
+    Args:
+        joints: Names of the wheels' joints.
+        radius: R (m).
+        positions: Centres of the wheels in the platform's axes from its centre (m), shape (w, 2).
+        forward: Where a positive rate rolls each wheel, unit vectors, shape (w, 2).
+        rollers: Axes of the rollers that touch the ground, shape (w, 2).
+        root_offset: See :class:`Platform`.
+        heading: See :class:`Platform`.
+    """
+
+    def __init__(
+        self,
+        joints: Sequence[str],
+        radius: float,
+        positions: Array,
+        forward: Array,
+        rollers: Array,
+        root_offset: Array | None = None,
+        heading: float = 0.0,
+    ) -> None:
+        self.radius = R = radius
+        along = np.einsum("ij,ij->i", rollers, forward)
+        turning = positions[:, 0] * rollers[:, 1] - positions[:, 1] * rollers[:, 0]
+        rows = np.column_stack([rollers, turning])
+        self.wheel_map = rows / (R * along[:, None])
+        """W, phi' = W alpha, shape (w, 3)."""
+        shares = self.wheel_map @ np.linalg.inv(self.wheel_map.T @ self.wheel_map)
+        super().__init__(
+            joints,
+            ("v_x", "v_y", "omega"),
+            np.hstack([rows, -R * np.diag(along)]),
+            np.vstack([np.eye(3), self.wheel_map]),
+            np.vstack([np.zeros((3, 3)), shares]),
+            root_offset=root_offset,
+            heading=heading,
+            wheels=tuple(Wheel(joint, R) for joint in joints),
+        )
+
+    @classmethod
+    def build(cls, site: Site) -> Omnidirectional:
+        """See :meth:`Platform.build`; the wheels say where the middle is and which way they roll."""
+        given = _parameters(site.parameters, site.origin)
+        names = joint_names(site.origin, "wheels", given.wheels, given.body, _names(given))
+        if len(set(names)) < max(3, len(names)):
+            raise SpecError(
+                f"{site.origin}: field 'platform.wheels' is {names}; allowed: three or more different "
+                "joints"
+            )
+        places = [joint_place(site, name, "wheels", given.heading) for name in names]
+        _check_level(site, places)
+        centre = np.mean([place.centre for place in places], axis=0)
+        positions = np.array([place.centre[:2] - centre[:2] for place in places])
+        axes = np.array([place.axis for place in places])
+        forward = np.column_stack([axes[:, 1], -axes[:, 0]])  # axis x z
+        angles = _roller_angles(site, given, positions, forward)
+        c, s = np.cos(angles), np.sin(angles)
+        sense = np.where(_rolls_ahead(forward), 1.0, -1.0)[:, None]
+        ahead = sense * forward
+        rollers = np.column_stack(
+            [c * ahead[:, 0] - s * ahead[:, 1], s * ahead[:, 0] + c * ahead[:, 1]]
+        )
+        rows = np.column_stack(
+            [rollers, positions[:, 0] * rollers[:, 1] - positions[:, 1] * rollers[:, 0]]
+        )
+        singular = np.linalg.svd(rows, compute_uv=False)
+        if singular[-1] < _SINGULAR * singular[0]:
+            raise SpecError(
+                f"{site.origin}: [platform]: these wheels and rollers leave a direction of motion free; "
+                "check fields 'platform.wheels', 'platform.kind' and 'platform.roller_angles'"
+            )
+        return cls(
+            names,
+            given.wheel_radius,
+            positions,
+            forward,
+            rollers,
+            root_offset=np.array([0.0, 0.0, given.wheel_radius]) - centre,
+            heading=given.heading,
+        )
+
+    @classmethod
+    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
+        """See :meth:`Platform.describe`: a box with its wheels on a rectangle or on a circle."""
+        given = _parameters(parameters, origin)
+        body, R = required_body(origin, given.body), given.wheel_radius
+        why = f"{given.kind} wheels need it"
+        if given.kind == "mecanum":
+            x = 0.5 * required(origin, "body.wheelbase", body.wheelbase, why)
+            y = required(origin, "body.half_track", body.half_track, why)
+            spots = [(x, y), (x, -y), (-x, y), (-x, -y)]
+            yaws = [0.0] * 4
+        else:
+            circle = required(origin, "body.circle", body.circle, why)
+            angles = required(origin, "body.angles", body.angles, why)
+            spots = [(circle * math.cos(a), circle * math.sin(a)) for a in angles]
+            yaws = [a - 0.5 * math.pi for a in angles]
+        wheels = [
+            WheelPart(name, (*spot, R), R, yaw)
+            for name, spot, yaw in zip(_names(given), spots, yaws, strict=True)
+        ]
+        return body_urdf(body, wheels)
+
+
+def _rolls_ahead(forward: Array) -> Array:
+    """Which wheels a positive rate rolls ahead, or to the left where that is neither."""
+    x, y = forward[:, 0], forward[:, 1]
+    result: Array = np.where(np.abs(x) > AXIS_TOLERANCE, x > 0.0, y > 0.0)
+    return result
+
+
+def _roller_angles(
+    site: Site, given: OmnidirectionalParameters, positions: Array, forward: Array
+) -> Array:
+    if given.roller_angles is not None:
+        if len(given.roller_angles) != len(positions):
+            raise SpecError(
+                f"{site.origin}: field 'platform.roller_angles' has {len(given.roller_angles)} numbers "
+                f"for {len(positions)} wheels"
+            )
+        return np.array(given.roller_angles)
+    if given.kind == "omni":
+        return np.zeros(len(positions))
+    crooked = np.any(np.abs(forward[:, 1]) > AXIS_TOLERANCE)
+    if crooked or np.any(np.abs(positions) < LENGTH_TOLERANCE):
+        raise SpecError(
+            f"{site.origin}: field 'platform.roller_angles' is missing: it has a default only for "
+            "mecanum wheels whose axes are along the platform's y, in front of and behind its middle"
+        )
+    return -0.25 * math.pi * np.sign(positions[:, 0] * positions[:, 1])
+
+
+def _check_level(site: Site, places: Sequence[JointPlace]) -> None:
+    for place in places:
+        if abs(place.axis[2]) > AXIS_TOLERANCE:
+            raise SpecError(
+                f"{site.origin}: field 'platform.wheels': the axis of joint {place.joint!r} is "
+                f"{place.axis.round(3)} in the platform frame; a wheel's is horizontal"
+            )
+        if abs(place.centre[2] - places[0].centre[2]) > LENGTH_TOLERANCE:
+            raise SpecError(
+                f"{site.origin}: field 'platform.wheels': {places[0].joint!r} and {place.joint!r} are "
+                f"at heights {places[0].centre[2]:.4f} and {place.centre[2]:.4f}; wheels of one radius "
+                "on one ground are at one height"
+            )
+
+
+def _names(given: OmnidirectionalParameters) -> list[str]:
+    """Of a platform described by its numbers."""
+    if given.kind == "mecanum":
+        return [f"wheel_{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
+    count = len(given.body.angles) if given.body is not None else 0
+    return [f"wheel_{i + 1}" for i in range(count)]
+
+
+def _parameters(parameters: dict[str, Any], origin: str) -> OmnidirectionalParameters:
+    return validate(OmnidirectionalParameters, parameters, f"{origin}: [platform]")
+
+
+platforms.register("omnidirectional", Omnidirectional)

@@ -1,0 +1,84 @@
+"""The unicycle: a heading, a speed and a turning rate, without wheels."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.model.platforms.body import Body, body_urdf, required_body
+from mobman.model.platforms.body_frame import BodyFramePlatform
+from mobman.model.platforms.platform import Site, platforms
+from mobman.toml_model import Strict, validate
+
+
+class UnicycleParameters(Strict):
+    """The fields of ``[platform]`` for ``type = "unicycle"``."""
+
+    axle: tuple[float, float] = (0.0, 0.0)
+    """The point that does not slip sideways, in the root link's frame (m)."""
+    height: float = 0.0
+    """Of the root link's origin above the ground (m)."""
+    reference_offset: float = 0.0
+    """a (m): the reference point (x1, x2) lies so far ahead of that point."""
+    heading: float = 0.0
+    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
+    body: Body | None = None
+    """The platform by its numbers instead of by a URDF."""
+
+
+class Unicycle(BodyFramePlatform):
+    r"""A platform that moves along its heading and turns, :math:`l = 3`, :math:`k = 1`.
+
+    Coordinates :math:`x = (x_1, x_2, \theta)`, :math:`\alpha = (v, \omega)` (m/s, rad/s); the commands
+    are the force along the heading (N) and the torque about the vertical (N m) through the point that
+    does not slip sideways, so that B is the identity. What the differential platform is if its wheels
+    are left out: they have no inertia of their own and no place in the criterion.
+
+    Args:
+        offset: a (m).
+        root_offset: See :class:`Platform`.
+        heading: See :class:`Platform`.
+    """
+
+    def __init__(
+        self, offset: float = 0.0, root_offset: Array | None = None, heading: float = 0.0
+    ) -> None:
+        self.offset = offset
+        super().__init__(
+            (),
+            ("v", "omega"),
+            np.array([[0.0, -1.0, offset]]),
+            np.array([[1.0, 0.0], [0.0, offset], [0.0, 1.0]]),
+            # a force through the axle turns nothing about the reference point ahead of it
+            np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
+            root_offset=root_offset,
+            heading=heading,
+        )
+
+    @classmethod
+    def build(cls, site: Site) -> Unicycle:
+        """See :meth:`Platform.build`."""
+        given = _parameters(site.parameters, site.origin)
+        c, s = np.cos(given.heading), np.sin(given.heading)
+        x, y = given.axle
+        return cls(
+            given.reference_offset,
+            np.array([-given.reference_offset - c * x - s * y, s * x - c * y, given.height]),
+            given.heading,
+        )
+
+    @classmethod
+    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
+        """See :meth:`Platform.describe`: a box."""
+        given = _parameters(parameters, origin)
+        return body_urdf(required_body(origin, given.body))
+
+
+def _parameters(parameters: dict[str, Any], origin: str) -> UnicycleParameters:
+    return validate(UnicycleParameters, parameters, f"{origin}: [platform]")
+
+
+platforms.register("unicycle", Unicycle)

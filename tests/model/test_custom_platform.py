@@ -1,0 +1,218 @@
+"""A platform whose A and N the user writes in Python."""
+
+from __future__ import annotations
+
+import textwrap
+
+import numpy as np
+import pytest
+from support.differences import relative
+from support.states import random_states
+from support.variants import description
+
+import mobman as mm
+from mobman.errors import SpecError
+
+# The paper's platform with wheel rates, (2) and (7) with a = 0, as a user would type it.
+OWN = """
+import numpy as np
+
+
+class Paper:
+    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "phi_2")
+    velocity_names = ("right", "left")
+    R, W = 0.05, 0.158
+
+    def __init__(self, height=0.05):
+        self.root_offset = (0.0, 0.0, height)
+
+    def constraint_matrix(self, x):
+        c, s, R, W = np.cos(x[2]), np.sin(x[2]), self.R, self.W
+        return np.array([[s, -c, 0, 0, 0], [c, s, W, -R, 0], [c, s, -W, 0, -R]])
+
+    def velocity_map(self, x):
+        c, s, h = np.cos(x[2]), np.sin(x[2]), self.R / 2
+        turn = h / self.W
+        return np.array([[h * c, h * c], [h * s, h * s], [turn, -turn], [1, 0], [0, 1]])
+
+    def actuation(self, x):
+        return np.array([[0, 0], [0, 0], [0, 0], [1, 0], [0, 1]])
+
+
+class WrongShape(Paper):
+    velocity_names = ("v", "omega", "more")
+
+
+class BreaksConstraints(Paper):
+    def velocity_map(self, x):
+        return super().velocity_map(x) + 0.1
+
+
+class Raises(Paper):
+    def constraint_matrix(self, x):
+        raise RuntimeError("not today")
+
+
+class ElsewhereJoints(Paper):
+    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "phi_9")
+
+
+class NoBase(Paper):
+    coordinates = ("phi_1", "base_x", "base_y", "base_theta", "phi_2")
+
+
+class Empty:
+    pass
+
+
+class NoConstraints(Paper):
+    def constraint_matrix(self, x):
+        return np.zeros((3, 5))
+
+
+class WrongActuation(Paper):
+    def actuation(self, x):
+        return np.eye(5)
+
+
+class ShortOffset(Paper):
+    def __init__(self):
+        self.root_offset = (1.0, 2.0)
+
+
+class WrongHeading(Paper):
+    heading = "north"
+
+
+class WheelsWithoutRadius(Paper):
+    wheels = [("phi_1",)]
+
+
+class WheelsElsewhere(Paper):
+    wheels = [("phi_9", 0.1)]
+"""
+MODERN = """
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from own import Paper
+
+
+@dataclass
+class Modern(Paper):
+    height: float = 0.05
+
+    def __post_init__(self):
+        self.root_offset = (0.0, 0.0, self.height)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("custom")
+    (folder / "own.py").write_text(textwrap.dedent(OWN), encoding="utf-8")
+    (folder / "broken.py").write_text("import no_such_module_at_all", encoding="utf-8")
+    (folder / "leaves.py").write_text("raise SystemExit(0)", encoding="utf-8")
+    (folder / "modern.py").write_text(textwrap.dedent(MODERN), encoding="utf-8")
+    (folder / "youbot.urdf").write_bytes((description()["folder"] / "youbot.urdf").read_bytes())
+    return folder
+
+
+def _custom(folder, definition, **platform):
+    content = description()
+    return {
+        **content,
+        "folder": folder,
+        "platform": {"type": "custom", "definition": definition, **platform},
+    }
+
+
+def test_custom_platform_is_the_built_in_one(folder):
+    """Everything, the numerical derivatives included, agrees with the closed forms."""
+    own = mm.load_robot(_custom(folder, "own.py:Paper"))
+    built_in = mm.load_robot(description(platform__alpha="wheel-rates"))
+    assert own.velocity_names[:2] == ["right", "left"]
+    random = np.random.default_rng(2)
+    for q, z in random_states(own, 20):
+        q_dot, multiplier = own.velocity_map(q) @ z, random.standard_normal(3)
+        for name, arguments in {
+            "constraint_matrix": (q,),
+            "constraint_matrix_rate": (q, q_dot),
+            "constraint_hessian": (q, multiplier),
+            "constraint_hessian_rate": (q, q_dot, multiplier),
+            "velocity_map": (q,),
+            "velocity_map_rate": (q, z),
+            "actuation": (q,),
+        }.items():
+            found, expected = getattr(own, name)(*arguments), getattr(built_in, name)(*arguments)
+            assert relative(found, expected) < 1e-11, name
+        assert relative(own.dynamics(q, z).M, built_in.dynamics(q, z).M) < 1e-12
+
+
+def test_closed_loop_is_that_of_the_built_in_platform(folder):
+    records = [
+        mm.simulate(mm.load_robot(content), "tsm", "circle", duration=0.2)
+        for content in (_custom(folder, "own.py:Paper"), description(platform__alpha="wheel-rates"))
+    ]
+    assert np.allclose(records[0].q, records[1].q, atol=1e-9)
+
+
+def test_commands_are_by_default_the_forces_of_alpha(folder, monkeypatch):
+    (folder / "plain.py").write_text(
+        "from own import Paper as Base\nclass Plain:\n"
+        "    coordinates, velocity_names = Base.coordinates, Base.velocity_names\n"
+        "    root_offset = (0, 0, 0.05)\n"
+        "    constraint_matrix = lambda self, x: Base().constraint_matrix(x)\n"
+        "    velocity_map = lambda self, x: Base().velocity_map(x)\n",
+        encoding="utf-8",
+    )
+    monkeypatch.syspath_prepend(folder)
+    robot = mm.load_robot(_custom(folder, "plain.py:Plain"))
+    for q, z in random_states(robot, 5):
+        assert np.allclose(robot.dynamics(q, z).B, np.eye(robot.nz), atol=1e-12)
+
+
+def test_options_are_given_to_the_class(folder):
+    robot = mm.load_robot(_custom(folder, "own.py:Paper", options={"height": 0.3}))
+    assert np.isclose(robot.platform.root_offset[2], 0.3)
+
+
+def test_definition_may_be_a_dataclass(folder, monkeypatch):
+    monkeypatch.syspath_prepend(folder)
+    robot = mm.load_robot(_custom(folder, "modern.py:Modern", options={"height": 0.2}))
+    assert np.isclose(robot.platform.root_offset[2], 0.2)
+
+
+@pytest.mark.parametrize(
+    ("definition", "words"),
+    [
+        ("own.py", "definition"),
+        ("nothing.py:Paper", "there is no file"),
+        ("own.py:Nobody", "has no 'Nobody'"),
+        ("broken.py:Paper", "no_such_module_at_all"),
+        ("no_such_package.module:Paper", "no_such_package"),
+        ("own.py:WrongShape", r"shape \(3, 5\); needed: \(2, 5\)"),
+        ("own.py:BreaksConstraints", "is not 0"),
+        ("own.py:Raises", "not today"),
+        ("own.py:ElsewhereJoints", "'phi_9' is no movable joint"),
+        ("own.py:NoBase", "the first three"),
+        ("own.py:Empty", "needs coordinates"),
+        ("own.py:NoConstraints", "rows of A"),
+        ("own.py:WrongActuation", r"actuation gives shape \(5, 5\); needed: \(5, 2\)"),
+        ("own.py:ShortOffset", "root_offset"),
+        ("own.py:WrongHeading", "heading"),
+        ("own.py:WheelsWithoutRadius", "wheels"),
+        ("own.py:WheelsElsewhere", "phi_9"),
+        ("leaves.py:Paper", "SystemExit"),
+    ],
+)
+def test_wrong_definitions_are_refused(folder, definition, words):
+    with pytest.raises(SpecError, match=words) as caught:
+        mm.load_robot(_custom(folder, definition))
+    assert "platform" in str(caught.value)
+
+
+def test_wrong_options_are_refused(folder):
+    with pytest.raises(SpecError, match=r"calling it failed.*colour"):
+        mm.load_robot(_custom(folder, "own.py:Paper", options={"colour": "red"}))
