@@ -30,7 +30,7 @@ def make_bare_controller(robot: Any) -> Callable[[], None]:
         A function without arguments that does the calls of one step.
     """
     model, data = robot.model, robot.model.createData()
-    tip, axes = model.getFrameId(robot.tip), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    tip, axes = robot.tip_frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     states = cycle(changing_states(robot))
 
     def controller() -> None:

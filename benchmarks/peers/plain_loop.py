@@ -44,7 +44,12 @@ LARGEST_STEP = 1e-3  # s: the plant's integration step is at most this
 
 
 def plain_loop(
-    robot: Any, task: Any, gains: dict[str, float], duration: float, dt: float = 1e-3
+    robot: Any,
+    task: Any,
+    gains: dict[str, float],
+    duration: float,
+    dt: float = 1e-3,
+    axes: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
     """Run the closed loop from rest at ``robot.q_rest``.
 
@@ -54,11 +59,13 @@ def plain_loop(
         gains: ``a`` of (22) and ``A`` of (54), and whatever shall differ from the paper's gains.
         duration: s.
         dt: Sampling period (s).
+        axes: Rows that the first axes of ker j are to be near to; any axes by default.
 
     Returns:
         ``t``, ``q``, ``z``, ``torque`` and ``error`` (of the tip), one row a tick, the last included.
     """
     equations = Equations(robot)
+    equations.complement = axes
     law = Law(equations, task, {**PAPER_GAINS, **gains}, dt)
     ticks = round(duration / dt)
     substeps = max(1, math.ceil(dt / LARGEST_STEP - 1e-9))
@@ -105,7 +112,7 @@ class Equations:
     def __init__(self, robot: Any) -> None:
         self.model = robot.model
         self.data = robot.model.createData()
-        self.frame = robot.model.getFrameId(robot.tip)
+        self.frame = robot.tip_frame
         self.q_rest = robot.q_rest
         self.weights = robot.criterion_weights
         self.nq, self.nz = robot.nq, robot.nz

@@ -13,11 +13,12 @@ def posture_criterion(robot: MobileManipulator, c_F: float, K_F: Diagonal | None
     Args:
         robot: The nominal robot.
         c_F: Its factor.
-        K_F: Diagonal of its weights; the robot's own if None.
+        K_F: Diagonal of its weights; the robot's own if None. The robot's couplings stay.
 
     Raises:
         GainError: If K_F has not one weight for each coordinate of q.
     """
     if K_F is None:
         return Posture.of(robot, c_F)
-    return Posture(diagonal("K_F", K_F, robot.nq), robot.q_rest, c_F)
+    weights = diagonal("K_F", K_F, robot.nq)
+    return Posture(weights, robot.q_rest, c_F, robot.criterion_couplings)

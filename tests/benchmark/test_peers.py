@@ -38,11 +38,9 @@ def mujoco():
 
 
 @pytest.fixture
-def driven(robot):
+def driven(differential_robot):
     """Every robot that the MuJoCo peer knows."""
-    if robot.spec.platform.type != "differential":
-        pytest.skip("the MuJoCo peer knows differential platforms")
-    return robot
+    return differential_robot
 
 
 # Pink ------------------------------------------------------------------------------------------

@@ -99,8 +99,17 @@ def test_bound_follows_the_robot_when_the_controller_is_used_again(youbot, tiago
     assert found[0] == found[2] != found[1]
 
 
-def test_samples_are_where_the_task_leads(robot):
+def test_samples_of_a_fixed_arm_are_near_rest(fixed_robot):
+    task = mm.make_task("circle", fixed_robot)
+    for _, q in sampled_states(fixed_robot, task):
+        assert np.all(q >= fixed_robot.model.lowerPositionLimit)
+        assert np.all(q <= fixed_robot.model.upperPositionLimit)
+        assert np.abs(q - fixed_robot.q_rest).max() <= 0.5
+
+
+def test_samples_are_where_the_task_leads(driving_robot):
     """Within the limits, any heading, and the tip above the desired point."""
+    robot = driving_robot
     task = mm.make_task("circle", robot)
     heading = robot.joint_names.index("base_theta")
     headings = []

@@ -41,9 +41,9 @@ def test_gains_are_the_youbots_and_the_bounds_its_own(record):
 
 @pytest.mark.parametrize("name", mm.list_robots())
 def test_every_robot_follows_the_circle(name):
-    """At 10 ms, for 6 s; the tip starts 0.1 m from the circle."""
+    """At 10 ms, for 6 s; the tip starts 0.1 m from the circle, or less in front of a fixed arm."""
     record = mm.simulate(name, "tsm", "circle", duration=6.0, dt=1e-2)
     assert record.status == "ok"
-    assert np.isclose(np.linalg.norm(record.task_error[0]), 0.1, atol=1e-9)
+    assert 0.01 < np.linalg.norm(record.task_error[0]) < 0.1 + 1e-9
     assert record.metrics["settling_time_1e-4"] <= 5.0
     assert record.metrics["task_error_final"] < 1e-5

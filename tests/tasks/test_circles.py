@@ -43,7 +43,21 @@ def test_path_closes_after_its_period(task):
     assert np.linalg.norm(half - task.desired(0.3)[0]) > task.radius
 
 
-def test_circle_starts_just_ahead_of_the_tip(robot):
+def test_circle_of_a_fixed_arm_is_between_the_tip_and_the_base(fixed_robot):
+    robot, q0 = fixed_robot, fixed_robot.q_rest
+    tip, base = np.array(robot.tip_pose(q0).translation), robot.arm_origin(q0)
+    task = mm.make_task("circle", robot)
+    reach = np.linalg.norm(tip - base)
+    start = task.desired(0.0)[0]
+    assert 0.0 < np.linalg.norm(start - tip) < 0.05 * reach
+    for t in np.linspace(0.0, task.period, 50):
+        p = task.desired(t)[0]
+        assert np.isclose(p[2], tip[2])
+        assert np.linalg.norm((p - base)[:2]) < np.linalg.norm((tip - base)[:2])
+
+
+def test_circle_starts_just_ahead_of_the_tip(driving_robot):
+    robot = driving_robot
     q0 = robot.q_rest.copy()
     q0[robot.joint_names.index("base_theta")] = 0.8
     heading = np.array([math.cos(0.8), math.sin(0.8), 0.0])

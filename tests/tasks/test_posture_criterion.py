@@ -30,7 +30,8 @@ def test_derivatives(robot):
 
 def test_criterion_of_a_robot_has_its_weights_and_rest(robot):
     criterion = Posture.of(robot)
-    assert np.array_equal(np.diag(criterion.hessian(robot.q_rest)), robot.criterion_weights)
+    expected = np.diag(robot.criterion_weights) + robot.criterion_couplings
+    assert np.array_equal(criterion.hessian(robot.q_rest), expected)
     assert criterion.value(robot.q_rest) == 0.0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.arrays import Array, Vector
+from mobman.arrays import Array, Matrix, Vector
 from mobman.errors import UsageError
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call
@@ -19,12 +19,20 @@ class Posture:
         weights: Diagonal of K_F, shape (nq,), each above 0.
         q_rest: Preferred posture, shape (nq,).
         scale: c_F, above 0.
+        couplings: What K_F has beside that, symmetric and positive semi-definite, shape (nq, nq); see
+            :class:`mobman.robots.spec.Coupling`.
 
     Raises:
         UsageError: If a weight is not positive or the lengths differ.
     """
 
-    def __init__(self, weights: Array, q_rest: Array, scale: float = 1.0) -> None:
+    def __init__(
+        self,
+        weights: Array,
+        q_rest: Array,
+        scale: float = 1.0,
+        couplings: Array | None = None,
+    ) -> None:
         self.weights = np.asarray(weights, dtype=float)
         self.q_rest = np.asarray(q_rest, dtype=float)
         self.scale = float(scale)
@@ -37,21 +45,23 @@ class Posture:
             raise UsageError("posture criterion: c_F and every weight of K_F must be above 0")
         self._diagonal = self.scale * self.weights
         self._hessian = np.diag(self._diagonal)
+        self._coupled = couplings is not None and bool(np.any(couplings))
+        if couplings is not None:
+            self._hessian += self.scale * couplings
 
     @classmethod
     def of(cls, robot: MobileManipulator, scale: float = 1.0) -> Posture:
         """The criterion with the weights and the rest posture of a robot's description."""
-        return cls(robot.criterion_weights, robot.q_rest, scale)
+        return cls(robot.criterion_weights, robot.q_rest, scale, robot.criterion_couplings)
 
     def value(self, q: Array) -> float:
         """F(q)."""
         deviation = q - self.q_rest
-        return float(0.5 * deviation @ (self._diagonal * deviation))
+        return float(0.5 * deviation @ self._hessian @ deviation)
 
     def gradient(self, q: Array) -> Array:
         """c_F K_F (q - q_rest), shape (nq,)."""
-        gradient = np.zeros_like(self.q_rest)
-        _gradient(self._diagonal, q, self.q_rest, gradient)
+        gradient: Array = self._hessian @ (q - self.q_rest)
         return gradient
 
     def hessian(self, q: Array) -> Array:
@@ -68,6 +78,8 @@ class Posture:
         """See :class:`Criterion`; H and H' do not change, so they are written here and now."""
         hessian[:] = self._hessian
         hessian_rate[:] = 0.0
+        if self._coupled:
+            return [call(_coupled_gradient, self._hessian, q, self.q_rest, gradient)]
         return [call(_gradient, self._diagonal, q, self.q_rest, gradient)]
 
 
@@ -75,3 +87,12 @@ class Posture:
 def _gradient(diagonal: Vector, q: Vector, q_rest: Vector, gradient: Vector) -> None:
     for i in range(q.shape[0]):
         gradient[i] = diagonal[i] * (q[i] - q_rest[i])
+
+
+@kernel
+def _coupled_gradient(K: Matrix, q: Vector, q_rest: Vector, gradient: Vector) -> None:
+    for i in range(q.shape[0]):
+        total = 0.0
+        for j in range(q.shape[0]):
+            total += K[i, j] * (q[j] - q_rest[j])
+        gradient[i] = total

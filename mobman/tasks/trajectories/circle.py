@@ -16,6 +16,9 @@ from mobman.tasks.task import tasks
 _RADIUS = 0.5  # m
 _RATE = 0.5  # rad/s
 _GAP = 0.1  # m
+# of the tip's distance from the arm's base, where that does not drive
+_SHARE_OF_REACH = 0.15
+_SHARE_OF_RADIUS = 0.2
 
 
 @dataclass(frozen=True)
@@ -76,23 +79,32 @@ def paper_circle(robot: MobileManipulator, q0: Array) -> Circle:
 
 
 def circle_near_tip(robot: MobileManipulator, q0: Array) -> Circle:
-    """A horizontal circle of 1 m diameter, 0.5 rad/s, at the height of the tip at q0.
+    """A horizontal circle at the height of the tip at q0, 0.5 rad/s.
 
-    It starts 0.1 m ahead of the tip and first runs along the platform's heading, the platform on
-    its inside: a driving base follows it within the arm's reach.
+    On a platform that drives, 1 m in diameter: it starts 0.1 m ahead of the tip and first runs along
+    the platform's heading, the platform on its inside, which follows it within the arm's reach. On a
+    fixed base, between the tip and the base: its diameter is 0.3 times their distance.
     """
     tip = np.asarray(robot.tip_pose(q0).translation)
-    names = robot.joint_names
-    heading = float(q0[names.index("base_theta")]) if "base_theta" in names else 0.0
+    if "base_x" not in robot.joint_names:
+        return _circle_before_base(robot, q0, tip)
+    heading = float(q0[robot.joint_names.index("base_theta")])
     ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
     left = np.array([-math.sin(heading), math.cos(heading), 0.0])
-    centre = tip + _GAP * ahead + _RADIUS * left
-    return Circle(
-        centre=(float(centre[0]), float(centre[1]), float(centre[2])),
-        radius=_RADIUS,
-        rate=_RATE,
-        phase=heading - 0.5 * math.pi,
-    )
+    return _horizontal(tip + _GAP * ahead + _RADIUS * left, _RADIUS, heading - 0.5 * math.pi)
+
+
+def _circle_before_base(robot: MobileManipulator, q0: Array, tip: Array) -> Circle:
+    arm = tip - robot.arm_origin(q0)
+    outward = math.atan2(arm[1], arm[0])
+    radius = _SHARE_OF_REACH * float(np.linalg.norm(arm))
+    inward = -np.array([math.cos(outward), math.sin(outward), 0.0])
+    return _horizontal(tip + (1.0 + _SHARE_OF_RADIUS) * radius * inward, radius, outward)
+
+
+def _horizontal(centre: Array, radius: float, phase: float) -> Circle:
+    x, y, z = (float(coordinate) for coordinate in centre)
+    return Circle(centre=(x, y, z), radius=radius, rate=_RATE, phase=phase)
 
 
 tasks.register("paper", paper_circle)
