@@ -2,14 +2,42 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+
 import pytest
 
+# robots that the user of this machine has added are none of the tests' business
+os.environ["XDG_DATA_HOME"] = tempfile.mkdtemp(prefix="mobman-tests-")
+
 import mobman as mm
+from mobman.robots.catalogue import find_spec, origin_of
+
+OWN = [name for name in mm.list_robots() if origin_of(name) == "mobman"]
+PLATFORM = {name: find_spec(name).platform.type for name in OWN}
 
 
-@pytest.fixture(scope="session", params=mm.list_robots())
+@pytest.fixture(scope="session", params=PLATFORM)
 def robot(request):
     """Every registered robot in turn."""
+    return mm.load_robot(request.param)
+
+
+@pytest.fixture(scope="session", params=[n for n, kind in PLATFORM.items() if kind != "fixed"])
+def driving_robot(request):
+    """Every registered robot whose platform moves."""
+    return mm.load_robot(request.param)
+
+
+@pytest.fixture(scope="session", params=[n for n, k in PLATFORM.items() if k == "differential"])
+def differential_robot(request):
+    """Every registered robot on a differential platform."""
+    return mm.load_robot(request.param)
+
+
+@pytest.fixture(scope="session", params=[n for n, kind in PLATFORM.items() if kind == "fixed"])
+def fixed_robot(request):
+    """Every registered robot that does not drive."""
     return mm.load_robot(request.param)
 
 

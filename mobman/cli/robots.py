@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import re
+from typing import Any, Literal
 
 import click
 import numpy as np
@@ -10,15 +11,24 @@ from rich.table import Table
 from rich.text import Text
 
 from mobman.cli.output import console, print_json
-from mobman.errors import MobmanError
+from mobman.cli.robots_add import add
+from mobman.cli.robots_check import check
+from mobman.errors import MobmanError, UnknownNameError
+
+_NUMBERS = ("arm", "nz", "kg")
+_COLUMNS = ("robot", "platform", *_NUMBERS, "licence", "from")
+_WIDE = 110  # characters that leave room for the descriptions
+_OTHERS = 76  # what the other columns take
 
 
 @click.group(invoke_without_command=True)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.pass_context
 def robots(context: click.Context, as_json: bool) -> None:
-    """List the robots, or show one."""
+    """List the robots (arm: joints of the arm; nz: motors), or show, check or add one."""
     if context.invoked_subcommand is not None:
+        if as_json:
+            raise click.UsageError(f"put --json behind {context.invoked_subcommand!r}")
         return
     from mobman.robots.catalogue import list_robots
 
@@ -27,25 +37,35 @@ def robots(context: click.Context, as_json: bool) -> None:
         try:
             rows.append(_summary(name))
         except MobmanError as error:  # one broken robot must not hide the others
+            if isinstance(error, UnknownNameError):
+                continue  # a package's, of which there was a warning
             click.echo(f"mobman: {name} is left out: {' '.join(str(error).split())}", err=True)
     if as_json:
         print_json(rows)
         return
+    out = console()
     table = Table(box=None, pad_edge=False)
-    for heading in ("robot", "platform", "arm joints", "nq", "nz", "mass (kg)", "description"):
-        right = heading in ("arm joints", "nq", "nz", "mass (kg)")
-        table.add_column(heading, justify="right" if right else "left")
+    for heading in _COLUMNS:
+        side: Literal["right", "left"] = "right" if heading in _NUMBERS else "left"
+        table.add_column(heading, justify=side, no_wrap=True)
+    if out.width >= _WIDE:
+        table.add_column("description", no_wrap=True, max_width=out.width - _OTHERS)
     for row in rows:
         table.add_row(
             row["name"],
             row["platform"],
             str(row["arm_joints"]),
-            str(row["nq"]),
             str(row["nz"]),
             f"{row['mass']:.1f}",
-            row["description"],
+            re.split(r"[ ;(]", row["license"])[0],
+            row["origin"],
+            *([row["description"]] if out.width >= _WIDE else []),
         )
-    console().print(table)
+    out.print(table)
+
+
+robots.add_command(add)
+robots.add_command(check)
 
 
 @robots.command()
@@ -59,8 +79,8 @@ def show(name: str, as_json: bool) -> None:
         return
     out = console()
     out.print(Text.assemble((content["name"], "bold"), f"  {content['description']}"))
-    for key in ("platform", "tip", "mass", "source", "license", "urdf"):
-        out.print(f"  {key:<9} {content[key]}", soft_wrap=True)
+    for key in ("platform", "tip", "mass", "tags", "source", "license", "origin", "urdf"):
+        out.print(f"  {key:<9} {_plain(content[key])}", soft_wrap=True)
     out.print(f"  {'z':<9} {', '.join(content['velocity_names'])}", soft_wrap=True)
     out.print(f"  {'tip at rest':<9} {np.round(content['tip_at_rest'], 4).tolist()} m")
     table = Table(box=None, pad_edge=False)
@@ -75,12 +95,18 @@ def show(name: str, as_json: bool) -> None:
     out.print(table)
 
 
+def _plain(value: Any) -> str:
+    return ", ".join(value) if isinstance(value, list) else str(value)
+
+
 def _summary(name: str) -> dict[str, Any]:
     from mobman.model.build import load_robot
+    from mobman.robots.catalogue import list_robots, origin_of
 
     robot = load_robot(name)
     return {
         "name": robot.name,
+        "origin": origin_of(name) if name in list_robots() else "file",
         "platform": robot.spec.platform.type,
         "arm_joints": robot.n,
         "nq": robot.nq,
@@ -98,26 +124,25 @@ def _details(name: str) -> dict[str, Any]:
     from mobman.model.build import load_robot
 
     robot = load_robot(name)
-    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    limits = robot.limits
+    lower, upper = limits.lower, limits.upper
     return {
         **_summary(name),
         "platform_parameters": robot.spec.platform.parameters,
-        "urdf": str(robot.urdf.path),
+        "urdf": str(robot.urdf),
         "urdf_sha256": robot.urdf.sha256(),
         "velocity_names": robot.velocity_names,
+        "velocity_limits": limits.velocity.tolist(),
+        "torque_limits": limits.torque.tolist(),
         "tip_at_rest": np.asarray(robot.tip_pose(robot.q_rest).translation).tolist(),
         "joints": [
             {
                 "name": joint,
                 "rest": float(robot.q_rest[i]),
-                "lower": _bound(lower[i]),
-                "upper": _bound(upper[i]),
+                "lower": float(lower[i]),
+                "upper": float(upper[i]),
                 "weight": float(robot.criterion_weights[i]),
             }
             for i, joint in enumerate(robot.joint_names)
         ],
     }
-
-
-def _bound(limit: float) -> float:
-    return float(limit) if abs(limit) < 1e8 else float(np.copysign(np.inf, limit))

@@ -9,6 +9,8 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
+import platformdirs
+
 from mobman.errors import UnknownNameError, UsageError
 from mobman.resources import resource_folder
 from mobman.robots.spec import RobotSpec, read_spec
@@ -16,18 +18,38 @@ from mobman.toml_model import validate
 
 _GROUP = "mobman.robots"
 _registered: dict[str, RobotSpec] = {}
+_loaded: dict[EntryPoint, RobotSpec | None] = {}
 
 
 def list_robots() -> list[str]:
-    """The names that :func:`load_robot` takes, sorted."""
-    return sorted({*_own(), *_registered, *_plugins()})
+    """The names that :func:`load_robot` takes, sorted; packages' robots without loading them. One that
+    was asked for and could not be loaded is left out."""
+    return sorted({*_own(), *_registered, *_plugins(), *_users()})
+
+
+def origin_of(name: str) -> str:
+    """Where a listed robot comes from: ``"mobman"``, ``"this process"``, a package or ``"user"``."""
+    if name in _registered:
+        return "this process"
+    if name in _own():
+        return "mobman"
+    if name in _users():
+        return "user"
+    return _plugins()[name].value.partition(":")[0].partition(".")[0]
+
+
+def user_robots_folder() -> Path:
+    """Where robots that the user added are: a folder of the user's data directory, which need not
+    exist."""
+    return platformdirs.user_data_path("mobman", appauthor=False) / "robots"
 
 
 def register_robot(spec_or_path: RobotSpec | Mapping[str, Any] | str | os.PathLike[str]) -> str:
-    """Make a robot known under its name, for this process.
+    """Make a robot known under its name, for this process; again to replace it.
 
     Args:
-        spec_or_path: A :class:`RobotSpec`, a dictionary of its fields, or a TOML file.
+        spec_or_path: A :class:`RobotSpec`, a dictionary of its fields, or a TOML file. It goes before
+            any other robot of its name.
 
     Returns:
         The robot's name.
@@ -70,24 +92,41 @@ def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
         return _registered[text]
     if text in (own := _own()):
         return read_spec(own[text])
+    if text in (users := _users()):
+        return _called(text, read_spec(users[text]))
     if text in (plugins := _plugins()) and (spec := _load_plugin(plugins[text])) is not None:
-        return spec
+        return _called(text, spec)
     # a broken package's name is no choice
     raise UnknownNameError("robot", text, set(list_robots()) - {text})
+
+
+def _called(name: str, spec: RobotSpec) -> RobotSpec:
+    """A description under the name that it is found by, whatever its field says."""
+    return spec if spec.name == name else spec.model_copy(update={"name": name})
 
 
 def _own() -> dict[str, Path]:
     return {path.stem: path for path in sorted(resource_folder("robots").glob("*.toml"))}
 
 
+def _users() -> dict[str, Path]:
+    return {path.stem: path for path in sorted(user_robots_folder().glob("*.toml"))}
+
+
 def _plugins() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=_GROUP)}
+    points = {point.name: point for point in entry_points(group=_GROUP)}
+    return {name: point for name, point in points.items() if _loaded.get(point, point) is not None}
 
 
 def _load_plugin(point: EntryPoint) -> RobotSpec | None:
-    try:
-        found = point.load()
-        return as_spec(found() if callable(found) else found)
-    except Exception as error:  # another package's fault must not take mobman down
-        warnings.warn(f"robot {point.name!r} of {point.value} is left out: {error}", stacklevel=3)
-        return None
+    """The robot of a package, loaded once; None and one warning if that fails."""
+    if point not in _loaded:
+        try:
+            found = point.load()
+            _loaded[point] = as_spec(found() if callable(found) else found)
+        except Exception as error:  # another package's fault must not take mobman down
+            warnings.warn(
+                f"robot {point.name!r} of {point.value} is left out: {error}", stacklevel=3
+            )
+            _loaded[point] = None
+    return _loaded[point]

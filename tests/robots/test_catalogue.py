@@ -18,6 +18,7 @@ from mobman.robots.spec import RobotSpec
 def forget_registered_robots(monkeypatch):
     """What a test registers does not last longer than the test."""
     monkeypatch.setattr(catalogue, "_registered", {})
+    monkeypatch.setattr(catalogue, "_loaded", {})
 
 
 def test_own_robots_are_listed():
@@ -110,7 +111,38 @@ def spec_of_another_package():
 def test_robot_of_another_package(monkeypatch):
     _entry_points(monkeypatch, elsewhere=f"{__name__}:spec_of_another_package")
     assert "elsewhere" in mm.list_robots()
+    assert catalogue.origin_of("elsewhere") == __name__.partition(".")[0]
     assert mm.load_robot("elsewhere").nz == 5
+
+
+def test_robot_of_another_package_has_the_name_that_it_is_listed_by(monkeypatch):
+    _entry_points(monkeypatch, another=f"{__name__}:spec_of_another_package")
+    assert mm.load_robot("another").name == "another"
+
+
+def test_robot_of_another_package_is_loaded_when_asked_for_and_once(monkeypatch):
+    calls = []
+    own = {**description(), "name": "elsewhere"}
+    monkeypatch.setitem(globals(), "spec_of_another_package", lambda: calls.append(1) or own)
+    _entry_points(monkeypatch, elsewhere=f"{__name__}:spec_of_another_package")
+    mm.list_robots()
+    assert calls == []
+    for _ in range(3):
+        mm.load_robot("elsewhere")
+    assert calls == [1]
+
+
+def test_robots_of_the_user_are_listed_and_found(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    folder = catalogue.user_robots_folder()
+    assert "mine" not in mm.list_robots()
+    folder.mkdir(parents=True)
+    (folder / "mine.urdf").write_text(youbot_urdf(), encoding="utf-8")
+    content = description(name="other", urdf__path="mine.urdf")
+    (folder / "mine.toml").write_text(toml(content), encoding="utf-8")
+    assert "mine" in mm.list_robots()
+    assert catalogue.origin_of("mine") == "user"
+    assert mm.load_robot("mine").name == "mine"
 
 
 def test_broken_package_is_left_out_with_a_warning(monkeypatch):
@@ -121,4 +153,7 @@ def test_broken_package_is_left_out_with_a_warning(monkeypatch):
     ):
         mm.load_robot("broken")
     assert "did you mean 'broken'" not in str(caught.value)
+    assert "broken" not in mm.list_robots()
+    with pytest.raises(UnknownNameError):  # and no second warning
+        mm.load_robot("broken")
     assert mm.load_robot("youbot").nz == 5
