@@ -1,0 +1,67 @@
+"""What names say. Geometry comes first: names break ties."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+CASTER = r"cast[eo]r|passive|idler|support|swivel|free_?wheel|dummy|trailing"
+STEERING = r"steer|knuckle|ackerman|kingpin"
+MECANUM = r"mecanum|mechanum|swedish|omni"
+PLANAR_DRIVE = r"mecanum|mechanum|planar_?move|omni_?(drive|directional)|holonomic"
+FINGER = (
+    r"finger|thumb|knuckle|jaw|claw|phalan|gripper|robotiq|fngr|pinky|"
+    r"(^|_)(index|middle|ring|little|pincer|hand)(_|\d|$)"
+)
+FINGER_LINK = r"finger|thumb|knuckle|phalan|jaw|claw"
+HEAD = r"head|neck|camera|kinect|lidar|laser|sensor|(^|_)(pan|tilt)(_|$)|eye|display|antenna"
+FOOTPRINT = r"footprint"
+_PALM, _BASE = r"palm", r"gripper|hand"
+BASES = (_PALM, _BASE)
+TIPS = (
+    (r"tcp|tool_?cent|grasp", "the tool's centre"),
+    (r"(^|_)eef?(_|$)|end_?eff", "the end-effector"),
+    (r"tip\d*(_|$)", "the tip"),
+    (r"tool", "the tool"),
+    (_PALM, "the palm"),
+    (_BASE, "the gripper's base"),
+    (r"flange", "the flange"),
+)
+"""Names of frames at the end of an arm, the best ones first, and what they are."""
+NO_TIP = (
+    r"camera|optical|depth|infra|sensor|imu|(^|_)ft(_|$)|force|laser|color|rgb|aruco|marker|"
+    r"(^|_)led(_|$)|safety|accel|gyro"
+)
+
+_FRONT, _REAR = (
+    r"front|(^|_)(f|fl|fr|lf|rf)(_|\d|$)",
+    r"rear|back|(^|_)(b|bl|br|rl|rr|lr|lb|rb)(_|\d|$)",
+)
+_RIGHT, _LEFT = r"right|(^|_)(r|fr|rf|br|rb|rr)(_|\d|$)", r"left|(^|_)(l|fl|lf|bl|lb|rl|lr)(_|\d|$)"
+
+
+def says(pattern: str, *names: str) -> bool:
+    """Whether one of the names has what the pattern looks for."""
+    return any(re.search(pattern, plain(name)) for name in names)
+
+
+def plain(name: str) -> str:
+    """A name in lower case with ``_`` between its words."""
+    name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
+    return re.sub(r"[^a-z0-9]+", "_", name.lower())
+
+
+def lengthwise(*names: str) -> int:
+    """+1 where names say front, -1 rear, 0 neither or both."""
+    return int(says(_FRONT, *names)) - int(says(_REAR, *names))
+
+
+def sideways(*names: str) -> int:
+    """+1 where names say left, -1 right, 0 neither or both."""
+    return int(says(_LEFT, *names)) - int(says(_RIGHT, *names))
+
+
+def common(pattern: str, names: Iterable[str]) -> bool:
+    """Whether most of the names have what a pattern looks for, which then tells nothing."""
+    names = list(names)
+    return sum(says(pattern, name) for name in names) > 0.6 * len(names)
