@@ -12,7 +12,7 @@ import mobman
 PACKAGE = Path(mobman.__file__).parent
 LAYERS = [
     {"cli"},
-    {"viewer", "benchmark"},
+    {"viewer", "benchmark", "checks"},
     {"simulation"},
     {"controllers"},
     {"tasks"},
