@@ -18,15 +18,20 @@ import mobman as mm
 from mobman.benchmark.runner import run_suite
 from mobman.benchmark.suite import Suite
 from mobman.controllers.protocol import controllers
+from mobman.model.platforms.body import Body
+from mobman.model.platforms.platform import platforms
+from mobman.resources import resource_folder
 from mobman.simulation.disturbances.disturbance import disturbances
 from mobman.simulation.metrics.metric import list_metrics
 from mobman.simulation.scenario import Scenario
 from mobman.tasks.task import list_tasks
+from mobman.toml_model import Strict
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+README = ROOT / "README.md"
 PAGES = sorted(DOCS.glob("*.md"))
-OWN_ROBOTS = ["tiago", "tiago_dual", "tiago_no_hand", "youbot"]
+OWN_ROBOTS = sorted(path.stem for path in resource_folder("robots").glob("*.toml"))
 OWN_CONTROLLERS = [
     "damped-least-squares",
     "extended-jacobian",
@@ -56,15 +61,19 @@ def gains_table(laws: str) -> str:
     return _table(("gain", "default", "unit", "meaning"), rows)
 
 
-def robots_table(_: str = "") -> str:
-    """The robots that come with mobman."""
+def robots_table(columns: str = "") -> str:
+    """The robots that come with mobman, in short or with their sources."""
     rows = []
     for name in OWN_ROBOTS:
         robot = mm.load_robot(name)
         spec = robot.spec
-        numbers = (str(robot.n), str(robot.nq), str(robot.nz))
-        rows.append((f"`{name}`", *numbers, f"`{robot.tip}`", spec.source, spec.license))
-    return _table(("robot", "$n$", "`nq`", "`nz`", "tip", "source", "licence"), rows)
+        mass = sum(link.mass for link in robot.model.inertias)
+        numbers = (str(robot.n), str(robot.nz), f"{mass:.1f}")
+        what = (spec.description,) if columns == "names" else (f"`{robot.tip}`", spec.source)
+        licence = re.split(r"[;(]", spec.license)[0].strip() if columns == "names" else spec.license
+        rows.append((f"`{name}`", spec.platform.type, *numbers, *what, licence))
+    what = ("what it is",) if columns == "names" else ("tip", "source")
+    return _table(("robot", "platform", "$n$", "`nz`", "kg", *what, "licence"), rows)
 
 
 def scenarios_table(_: str = "") -> str:
@@ -147,7 +156,7 @@ def test_examples_run(page, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: page.stem)
 def test_generated_tables_are_the_codes(page):
     for _, title, content, _ in TABLE.findall(page.read_text()):
         assert content == generated(title), (
@@ -173,6 +182,20 @@ def test_every_metric_is_explained():
     assert stated == {metric.name: (metric.unit, metric.better or "–") for metric in metrics}
 
 
+def test_every_field_of_every_platform_type_is_explained():
+    page = (DOCS / "platforms.md").read_text()
+    general = {"heading", "body"}
+    numbers = page.split("\n## By numbers\n")[1]
+    for name in platforms.names():
+        section = page.split(f"\n## {name}\n")[1].split("\n## ")[0]
+        module = sys.modules[platforms.get(name).__module__]
+        for found in vars(module).values():
+            if isinstance(found, type) and issubclass(found, Strict) and found is not Strict:
+                of_body = issubclass(found, Body)
+                for field in set(found.model_fields) - (set() if of_body else general):
+                    assert f"`{field}`" in (numbers if of_body else section), (name, field)
+
+
 def test_every_robot_scenario_task_and_disturbance_is_named():
     assert set(OWN_ROBOTS) <= set(mm.list_robots())
     scenarios = DOCS / "scenarios.md"
@@ -183,7 +206,7 @@ def test_every_robot_scenario_task_and_disturbance_is_named():
     assert {"paper", "circle"} <= set(tasks)
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: page.stem)
 def test_links_lead_somewhere(page):
     for target in LINK.findall(_prose(page)):
         if re.match(r"[a-z]+:", target):
@@ -197,7 +220,7 @@ def test_links_lead_somewhere(page):
 
 def write_tables() -> None:
     """Write the generated tables of all pages anew."""
-    for page in PAGES:
+    for page in (*PAGES, README):
         text = page.read_text()
         page.write_text(TABLE.sub(lambda found: found[1] + generated(found[2]) + found[4], text))
 
