@@ -39,7 +39,7 @@ format: $(VENV)/installed-test
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-pictures: bench
+pictures: bench $(VENV)/installed-film
 	$(BIN)/python docs/pictures.py results/paper docs/images
 
 $(VENV)/python: 
@@ -55,14 +55,18 @@ $(VENV)/installed: $(VENV)/python pyproject.toml
 	touch $@
 
 $(VENV)/installed-test: $(VENV)/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test,speed]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test,speed,view,film]'
 	$(BIN)/python -m mobman.kernels.ahead
-	touch $@ $(VENV)/installed $(VENV)/installed-speed
+	touch $@ $(VENV)/installed $(VENV)/installed-speed $(VENV)/installed-film
 
 $(VENV)/installed-speed: $(VENV)/python pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[speed]'
 	$(BIN)/python -m mobman.kernels.ahead
 	touch $@ $(VENV)/installed
+
+$(VENV)/installed-film: $(VENV)/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[view,film]'
+	touch $@
 
 clean:
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache build dist

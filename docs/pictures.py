@@ -1,4 +1,4 @@
-"""Draw the pictures of README and docs from the results of the suite `paper`.
+"""Draw the pictures of README and docs: from the results of the suite `paper`, and of robots and runs.
 
 python docs/pictures.py results/paper docs/images
 """
@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+import mobman as mm
 from mobman.benchmark.store import Store
+from mobman.viewer.view import View, make_scene
 
 LABELS = {
     "tsm": "#0072B2",
@@ -61,11 +63,28 @@ def error_picture(store: Store, robot: str, scenarios: tuple[str, ...], path: Pa
     figure.savefig(path)
 
 
+def views(folder: Path) -> None:
+    """Robots and runs as `mobman view` shows them; this needs the extras `view` and `film`."""
+    size = (1280, 720)
+    View(make_scene("youbot")).save(folder / "view-youbot.png", size=size)
+    tiago = mm.simulate("tiago_no_hand", "tsm", "circle", duration=12.0)
+    View(make_scene(tiago)).save(folder / "view-tiago.png", size=size, time=9.0)
+    composed = mm.simulate("husky_ur5", "tsm", "circle", duration=12.0)
+    View(make_scene(composed)).save(folder / "view-husky.png", size=size, time=6.0)
+    heavier = [
+        mm.simulate("youbot", law, "paper", duration=10.0, scenario="heavier")
+        for law in ("tsm", "pseudo-inverse")
+    ]
+    comparison = View(make_scene(heavier))
+    comparison.save(folder / "view-comparison.png", size=size, time=8.6)
+
+
 def main() -> None:
     """Draw everything."""
     store, folder = Store(sys.argv[1]), Path(sys.argv[2])
     error_picture(store, "youbot", ("nominal", "heavier"), folder / "paper-youbot.png")
     error_picture(store, "tiago_no_hand", ("nominal", "heavier"), folder / "paper-tiago.png")
+    views(folder)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mobman.simulation.record import Record, load_record
     from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
     from mobman.tasks.task import Task, list_tasks, make_task
+    from mobman.viewer.view import view
 
 # What `import mobman` offers, each loaded when it is first used: the command line and notebooks
 # should not wait for what they do not need.
@@ -43,6 +44,7 @@ _PUBLIC = {
     "make_task": "mobman.tasks.task",
     "register_robot": "mobman.robots.catalogue",
     "simulate": "mobman.simulation.closed_loop",
+    "view": "mobman.viewer.view",
 }
 
 __all__ = [
@@ -64,6 +66,7 @@ __all__ = [
     "make_task",
     "register_robot",
     "simulate",
+    "view",
 ]
 
 

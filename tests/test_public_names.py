@@ -11,7 +11,7 @@ import mobman as mm
 
 CONTRACT = [
     "list_robots", "load_robot", "register_robot", "list_controllers", "make_controller", "simulate",
-    "load_record", "list_tasks", "list_scenarios", "make_task", "load_scenario", "MobmanError",
+    "load_record", "list_tasks", "list_scenarios", "make_task", "load_scenario", "view", "MobmanError",
     "Controller", "Task", "Record", "Scenario", "MobileManipulator", "__version__",
 ]  # fmt: skip
 

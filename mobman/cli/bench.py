@@ -114,17 +114,31 @@ def run_command(suite: str, output: Path | None, workers: int | None, fresh: boo
 
 @bench.command("report")
 @click.argument("folder", type=click.Path(path_type=Path))
-def report_command(folder: Path) -> None:
+@click.option("--replays", is_flag=True, help="Write a page of each run, FOLDER/replays/ID.html.")
+def report_command(folder: Path, replays: bool) -> None:
     """Write the report of the results in FOLDER anew, and its index."""
-    _report(folder)
+    _report(folder, replays=replays)
 
 
-def _report(folder: Path) -> None:
+def _report(folder: Path, *, replays: bool = False) -> None:
     from mobman.benchmark.reporting import report_on
 
-    files = report_on(folder)
+    files = report_on(folder, write_replay=_write_replay if replays else None)
     click.echo(f"report: {files.html}")
     click.echo(f"        {files.markdown}")
+
+
+def _write_replay(record: Path, page: Path, instant: float | None) -> None:
+    import warnings
+
+    from mobman.viewer.view import View, make_scene
+
+    scene = make_scene(record, time=instant)
+    for warning in scene.warnings:
+        warnings.warn(warning, stacklevel=1)
+    with View(scene) as shown:
+        shown.save(page)
+    click.echo(f"replay: {page}", err=True)
 
 
 class _Display:

@@ -15,6 +15,7 @@ import click
 from mobman.cli.bench import bench
 from mobman.cli.robots import robots
 from mobman.cli.run import run
+from mobman.cli.view import view
 from mobman.errors import MobmanError
 from mobman.version import __version__
 
@@ -28,6 +29,7 @@ def mobman() -> None:
 mobman.add_command(robots)
 mobman.add_command(run)
 mobman.add_command(bench)
+mobman.add_command(view)
 
 
 def main() -> None:

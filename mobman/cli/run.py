@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import threading
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -14,6 +17,14 @@ from rich.text import Text
 
 from mobman.cli.output import console, number, print_json
 from mobman.errors import RecordError
+
+if TYPE_CHECKING:
+    from mobman.simulation.record import Record
+    from mobman.viewer.live import LiveRun
+    from mobman.viewer.view import View
+
+_PATIENCE = 15.0
+"""How long a run waits for the browser (s)."""
 
 
 @click.command()
@@ -46,6 +57,16 @@ from mobman.errors import RecordError
     help="HDF5 file for the record.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option(
+    "--live", is_flag=True, help="Show it in the browser while it runs, and then until Ctrl-C."
+)
+@click.option(
+    "--live-speed",
+    metavar="X|max",
+    help="Simulated seconds a second, or as fast as it goes; means --live.  [default: 1]",
+)
+@click.option("--no-browser", is_flag=True, help="With --live: print the address, open no browser.")
+@click.option("--port", type=click.IntRange(0, 65535), help="With --live: port to serve on.")
 def run(
     robot: str,
     controller: str,
@@ -57,6 +78,10 @@ def run(
     gains: tuple[str, ...],
     output: Path | None,
     as_json: bool,
+    live: bool,
+    live_speed: str | None,
+    no_browser: bool,
+    port: int | None,
 ) -> None:
     """Simulate ROBOT (a name or a TOML file) under a controller and print its metrics.
 
@@ -68,51 +93,101 @@ def run(
     from mobman.simulation.scenario import load_scenario
     from mobman.tasks.task import make_task
 
+    speed = _speed(live_speed)
+    live = live or live_speed is not None
     model = load_robot(robot)
     law = make_controller(controller, **_gains(gains))
     aim = make_task(task, model)
     resolved = load_scenario(scenario)
     if output is not None:
         _check_writable(output)
-    screen = console(stderr=True)
-    with Progress(
-        TextColumn(f"{model.name} · {task} · {resolved.name} · {controller}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        console=screen,
-        transient=True,
-        disable=not screen.is_terminal,
-    ) as progress:
-        bar = progress.add_task("run", total=1.0)
-        record = simulate(
-            model,
-            law,
-            aim,
-            duration=duration,
-            dt=dt,
-            scenario=resolved,
-            seed=seed,
-            progress=lambda fraction: progress.update(bar, completed=fraction),
-        )
-    path = None if output is None else record.save(output)
-    if as_json:
-        print_json(
-            {
-                "status": record.status,
-                "message": record.message,
-                "metrics": record.metrics,
-                "settings": record.settings,
-                "spec": record.spec,
-                "versions": record.versions,
-                "file": None if path is None else str(path),
-            }
-        )
-    else:
-        _print(record, path)
+    with ExitStack() as closing:
+        watched: LiveRun | None = None
+        looking: dict[str, Any] = {}
+        if live:
+            from mobman.simulation.arguments import seconds
+            from mobman.viewer.live import LiveRun
+            from mobman.viewer.view import View
+
+            watched = LiveRun(
+                model,
+                task,
+                duration=seconds("duration", duration),
+                speed=speed,
+                controller=controller,
+                scenario=resolved.name,
+                seed=seed,
+            )
+            shown = View(watched.scene, port=port, frames=watched.frames)
+            _open(watched, closing.enter_context(shown), no_browser)
+            looking = {"observe": watched.observe, "observe_every": watched.every}
+        screen = console(stderr=True)
+        with Progress(
+            TextColumn(f"{model.name} · {task} · {resolved.name} · {controller}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeRemainingColumn(),
+            console=screen,
+            transient=True,
+            disable=not screen.is_terminal,
+        ) as progress:
+            bar = progress.add_task("run", total=1.0)
+            record = simulate(
+                model,
+                law,
+                aim,
+                duration=duration,
+                dt=dt,
+                scenario=resolved,
+                seed=seed,
+                progress=lambda fraction: progress.update(bar, completed=fraction),
+                **looking,
+            )
+        path = None if output is None else record.save(output)
+        _tell(record, path, as_json=as_json)
+        if watched is not None:
+            watched.finish(record)
+            _stay()
     if not record.ok:
         click.echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
         raise click.exceptions.Exit(1)
+
+
+def _open(watched: LiveRun, shown: View, no_browser: bool) -> None:
+    """Show the page, and let it come up before the run begins."""
+    # not with what is printed of the run, which may be JSON
+    click.echo(f"live: {shown.url}  (Ctrl-C ends it)", err=True)
+    if no_browser:
+        return
+    if not shown.open():
+        click.echo("mobman: no browser could be opened; open the address in one", err=True)
+    elif not watched.wait_for_page(_PATIENCE):
+        click.echo("mobman: the page is not open yet; the run begins without it", err=True)
+
+
+def _stay() -> None:
+    """Keep the page until Ctrl-C."""
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:  # the way to end it, not a failure
+        click.echo("", err=True)
+
+
+def _tell(record: Record, path: Path | None, *, as_json: bool) -> None:
+    if not as_json:
+        _print(record, path)
+        return
+    print_json(
+        {
+            "status": record.status,
+            "message": record.message,
+            "metrics": record.metrics,
+            "settings": record.settings,
+            "spec": record.spec,
+            "versions": record.versions,
+            "file": None if path is None else str(path),
+        }
+    )
 
 
 def _print(record: Any, path: Path | None) -> None:
@@ -152,6 +227,21 @@ def _check_writable(path: Path) -> None:
     folder = next((parent for parent in path.absolute().parents if parent.exists()), None)
     if folder is None or not folder.is_dir() or not os.access(folder, os.W_OK):
         raise RecordError(f"cannot write the record {path}: {folder} is no folder to write in")
+
+
+def _speed(text: str | None) -> float | None:
+    """Simulated seconds a second; None for as fast as it goes."""
+    if text == "max":
+        return None
+    try:
+        speed = 1.0 if text is None else float(text)
+    except ValueError:
+        speed = math.nan
+    if not (math.isfinite(speed) and speed > 0.0):
+        raise click.BadParameter(
+            f"{text!r} is neither a positive number nor max", param_hint="--live-speed"
+        )
+    return speed
 
 
 def _gain(text: str) -> tuple[str, Any]:

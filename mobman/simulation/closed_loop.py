@@ -46,6 +46,9 @@ from mobman.tasks.task import Task, make_task, task_map_of, task_parameters, tas
 
 _LARGEST_STEP = 1e-3  # s: the plant's integration step is at most this
 
+Observer = Callable[[float, Array, Array, Array], None]
+"""Is given t (s), q, z and the torque at a tick; the arrays are its own."""
+
 
 def simulate(
     robot: MobileManipulator | str | os.PathLike[str],
@@ -59,6 +62,8 @@ def simulate(
     scenario: Scenario | str | os.PathLike[str] | None = None,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
+    observe: Observer | None = None,
+    observe_every: float = 1.0 / 60.0,
 ) -> Record:
     """Run a closed loop and record it.
 
@@ -79,6 +84,9 @@ def simulate(
             TOML file or object. Nominal by default.
         seed: Of all randomness in the scenario.
         progress: Called with the fraction done, about a hundred times.
+        observe: Called with t, q, z and the torque, copies of them, as the run goes.
+        observe_every: How much simulated time there is from one call to the next (s), to the nearest
+            tick.
 
     Raises:
         UnknownNameError: If a name is not registered.
@@ -89,6 +97,7 @@ def simulate(
     controller = resolved_controller(controller)
     duration, dt = seconds("duration", duration), seconds("dt", dt)
     ticks = whole_ticks(duration, dt)
+    stride = max(1, round(seconds("observe_every", observe_every) / dt))
     seed = checked_seed(seed)
     start = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
     task = make_task(task, robot, start) if isinstance(task, str) else task
@@ -111,6 +120,8 @@ def simulate(
         ticks=ticks,
         dt=dt,
         progress=progress,
+        observe=observe,
+        stride=stride,
     )
     samples = loop.run()
     record = loop.record(samples)
@@ -148,10 +159,13 @@ class _Loop:
         ticks: int,
         dt: float,
         progress: Callable[[float], None] | None,
+        observe: Observer | None,
+        stride: int,
     ) -> None:
         self.robot, self.controller, self.task = robot, controller, task
         self.task_map, self.plant, self.accelerometer = task_map, plant, accelerometer
         self.ticks, self.dt, self.progress = ticks, dt, progress
+        self.observe, self.stride = observe, stride
         self.substeps = max(1, math.ceil(dt / _LARGEST_STEP - 1e-9))
         self.samples = Samples(ticks + 1, plant.robot, task_map.m)
         self.state = RungeKutta(plant, q0, np.zeros(robot.nz), dt / self.substeps)
@@ -229,6 +243,7 @@ class _Loop:
         q, z, z_dot, v, compute_time = now.q, now.z, self._z_dot, plant.v, samples.compute_time
         keep_row, integrate, shape, double = self._keep, self._integrate, v.shape, v.dtype
         every = max(1, ticks // 100)
+        observe, stride = self.observe, self.stride
         for tick in range(ticks + 1):
             t = tick * dt
             t_now[0] = t
@@ -251,6 +266,8 @@ class _Loop:
                 return
             if self._signals is not dict:
                 self._keep_signals(tick)
+            if observe is not None and tick % stride == 0:
+                observe(t, q.copy(), z.copy(), v.copy())
             if tick < ticks:
                 integrate(t)
                 if samples.status != "ok":

@@ -27,7 +27,7 @@ class MeshReader:
         return self._vertices[path]
 
     def _read(self, path: Path) -> Array | None:
-        import coal  # type: ignore[import-untyped]
+        import coal
 
         try:
             mesh = coal.MeshLoader().load(str(path), np.ones(3))

@@ -1,0 +1,255 @@
+"""``mobman.view``: robots and runs in the browser, in a notebook, as a page, a picture or a film."""
+
+from __future__ import annotations
+
+import html as html_text
+import os
+import sys
+import warnings
+import webbrowser
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mobman.errors import UsageError
+from mobman.model.build import load_robot
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.robots.spec import RobotSpec
+from mobman.simulation.record import Record, load_record
+from mobman.viewer.document import document
+from mobman.viewer.files import write_whole
+from mobman.viewer.pictures import FILM, PICTURE, save_film, save_picture
+from mobman.viewer.scene import Layout, Run, Scene, scene_of_robot, scene_of_runs
+from mobman.viewer.server import LOOPBACK, PageServer
+
+Viewable = Record | MobileManipulator | RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
+"""A run or its file, or a robot in any form that :func:`mobman.load_robot` takes."""
+
+_RECORDS = (".h5", ".hdf5", ".hdf")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HEIGHT = 620  # pixels, in a notebook
+
+
+class View:
+    """What is shown: by an address, in a notebook, or in a file.
+
+    The server is started when its address is first asked for. It lives in this process and ends with
+    it, or with :meth:`close`; a view is a context manager that closes itself.
+
+    Attributes:
+        scene: What is shown.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        host: str = LOOPBACK,
+        port: int | None = None,
+        frames: Callable[[float], str] | None = None,
+    ) -> None:
+        self.scene = scene
+        self._frames = frames
+        self._host = host
+        self._port = port
+        self._server: PageServer | None = None
+        self._file: Path | None = None
+        self._closed = False
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds it: the file that it was written to, or this process's server.
+
+        Raises:
+            UsageError: If the view is closed, or the port is taken.
+        """
+        if self._file is not None:
+            return self._file.resolve().as_uri()
+        if self._closed:
+            raise UsageError("this view is closed; make a new one")
+        if self._server is None:
+            self._server = PageServer(self.html(), self._host, self._port, self._frames)
+        return self._server.url
+
+    def html(self) -> str:
+        """The page, whole: it opens without a network."""
+        return document(self.scene)
+
+    def save(self, path: str | os.PathLike[str], **options: Any) -> Path:
+        """Write it to a file: whole, or not at all.
+
+        Args:
+            path: ``.html`` for the page, ``.png`` for a picture, ``.gif`` or ``.mp4`` for a film.
+            options: Of a picture: ``time`` (s), ``size`` (pixels); of a film: ``fps``, ``size``,
+                ``speed``.
+
+        Returns:
+            The file's path.
+
+        Raises:
+            UsageError: If the file's kind is another, or an option cannot be.
+            MobmanError: If there is no browser for a picture, or the file cannot be written.
+        """
+        file = Path(path)
+        kind = file.suffix.lower()
+        savers: dict[str, Callable[..., None]] = {
+            PICTURE: save_picture,
+            **dict.fromkeys(FILM, save_film),
+        }
+        if kind in (".html", ".htm"):
+            if options:
+                raise UsageError(f"{file}: a page has no option {', '.join(options)}")
+            write_whole(file, lambda place: place.write_text(self.html(), encoding="utf-8"))
+        elif kind in savers:
+            try:
+                savers[kind](self.scene, file, **options)
+            except TypeError as error:
+                raise UsageError(f"{file}: {error}") from error
+        else:
+            raise UsageError(f"{file}: allowed: a file .html, .png, .gif or .mp4")
+        return file
+
+    def open(self) -> bool:
+        """Open it in the user's browser; whether there was one to open."""
+        if not _has_screen():
+            return False
+        try:
+            return webbrowser.open(self.url)
+        except webbrowser.Error:
+            return False
+
+    def close(self) -> None:
+        """Stop the server; again without effect."""
+        self._closed = True
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    def __enter__(self) -> View:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"View({self.scene.title!r})"
+
+    def _repr_html_(self) -> str:
+        page = html_text.escape(self.html(), quote=True)
+        return (
+            f'<iframe srcdoc="{page}" style="width: 100%; height: {_HEIGHT}px; border: 0" '
+            f'title="{html_text.escape(self.scene.title)}"></iframe>'
+        )
+
+
+def view(
+    what: Viewable | Iterable[Viewable],
+    *,
+    html: str | os.PathLike[str] | None = None,
+    open_browser: bool | None = None,
+    host: str = LOOPBACK,
+    port: int | None = None,
+    layout: Layout = "overlay",
+    time: float | None = None,
+) -> View:
+    """Look at a robot, a run, or several runs beside each other.
+
+    Args:
+        what: A robot (an object, a name, a TOML file or a description), a run (a record or its HDF5
+            file), or several runs.
+        html: A file to write the page to, instead of serving it.
+        open_browser: Whether to open the user's browser; by default unless this is a notebook, where
+            the view shows itself, or a file was written.
+        host: Address to listen on; this machine alone by default.
+        port: Port to listen on; a free one by default.
+        layout: Of several runs: ``"overlay"`` or ``"side-by-side"``.
+        time: What a replay opens at (s); by default its beginning, or the end of a run that failed.
+
+    Returns:
+        The view: keep it as long as the page is to be served.
+
+    Raises:
+        UsageError: If there is nothing to show, or an argument cannot be.
+        SpecError: If a robot's description is not valid.
+        RecordError: If a record cannot be read.
+    """
+    scene = make_scene(what, layout=layout, time=time)
+    for warning in scene.warnings:
+        warnings.warn(warning, stacklevel=2)
+    shown = View(scene, host=host, port=port)
+    if html is not None:
+        shown._file = shown.save(html)
+    elif port is not None or not _in_notebook():
+        _ = shown.url  # so that a port that is taken is met here
+    if open_browser or (open_browser is None and html is None and not _in_notebook()):
+        shown.open()
+    return shown
+
+
+def make_scene(
+    what: Viewable | Iterable[Viewable], *, layout: Layout = "overlay", time: float | None = None
+) -> Scene:
+    """What :func:`view` shows, as plain data.
+
+    Raises:
+        MobmanError: As :func:`view` does.
+    """
+    single = isinstance(what, (Record, MobileManipulator, RobotSpec, Mapping, str, os.PathLike))
+    if not single and not isinstance(what, Iterable):
+        raise UsageError(f"{what!r} cannot be shown: give a robot, a run, or several runs")
+    things: list[Any] = [what] if single else list(what)  # type: ignore[arg-type]
+    if not things:
+        raise UsageError("there is nothing to show: give a robot, a run, or several runs")
+    runs = [_run(thing) for thing in things if _is_run(thing)]
+    robots = [thing for thing in things if not _is_run(thing)]
+    if runs and robots:
+        raise UsageError(f"{robots[0]!r} is a robot, the others are runs: show one or the other")
+    if len(robots) > 1:
+        raise UsageError("one robot at a time can be shown; several runs can")
+    if robots:
+        if isinstance(robots[0], MobileManipulator):
+            return scene_of_robot(robots[0])
+        return scene_of_robot(load_robot(robots[0]))
+    return scene_of_runs(runs, layout=layout, time=time)
+
+
+def _is_run(thing: Any) -> bool:
+    if isinstance(thing, Record):
+        return True
+    if not isinstance(thing, (str, os.PathLike)):
+        return False
+    path = Path(thing)
+    if path.suffix.lower() in _RECORDS:
+        return True
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_HDF5)) == _HDF5
+    except (OSError, ValueError):
+        return False
+
+
+def _run(thing: Any) -> Run:
+    if isinstance(thing, Record):
+        return Run(thing, thing.controller)
+    path = Path(thing)
+    return Run(load_record(path), path.stem, path.resolve().parent)
+
+
+def _in_notebook() -> bool:
+    """Whether this is a kernel of Jupyter, which shows what has ``_repr_html_``."""
+    shell = sys.modules.get("IPython")
+    running = None if shell is None else shell.get_ipython()
+    return running is not None and "IPKernelApp" in getattr(running, "config", {})
+
+
+def _has_screen() -> bool:
+    """Whether a browser could open a window; without one a text browser would take the terminal."""
+    if sys.platform in ("win32", "darwin") or os.environ.get("BROWSER"):
+        return True
+    return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

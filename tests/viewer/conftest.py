@@ -1,0 +1,88 @@
+"""Pages in a real browser, one for all tests, that may not reach the network nor complain."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+import pytest
+
+import mobman as mm
+from mobman.viewer.browser import browser as running_browser
+
+SIZE = {"width": 740, "height": 360}  # small: a processor draws it
+
+
+@pytest.fixture(scope="session")
+def browser():
+    with running_browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def opened(browser):
+    """A context manager that opens an address and gives the page when it is ready.
+
+    At its end nothing may have been asked of the network, nor any error have been reported. It is drawn
+    once and then, unless ``draws``, no more: poses are the scene's, and drawing without a graphics card
+    takes most of the time. ``framed`` is for a page in a frame of the one that is opened.
+    """
+
+    @contextmanager
+    def open_page(url, *, draws=False, framed=False):
+        page = browser.new_page(viewport=SIZE)
+        wrong = []
+        page.on("console", lambda message: _note_message(message, wrong))
+        page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
+        page.on("request", lambda request: _note_request(request.url, wrong))
+        try:
+            page.goto(url)
+            shown = page.frames[1] if framed else page
+            assert shown.evaluate("window.mobman.ready") is True
+            if not draws:
+                shown.evaluate("() => { mobman.app.render = () => {}; }")
+            yield shown
+            assert wrong == []
+        finally:
+            page.close()
+
+    return open_page
+
+
+def _note_message(message, wrong):
+    # the software renderer tells of its own slowness
+    if message.type == "error" or (message.type == "warning" and "GL Driver" not in message.text):
+        wrong.append(f"{message.type}: {message.text}")
+
+
+def _note_request(url, wrong):
+    parts = urlsplit(url)
+    inside = parts.scheme in ("file", "data", "blob", "about")
+    if not inside and parts.hostname not in ("127.0.0.1", "localhost"):
+        wrong.append(f"request: {url}")
+
+
+@pytest.fixture(scope="session")
+def runs():
+    """A short run of each registered robot, by name; made when it is asked for."""
+    made = {}
+
+    def run(name):
+        if name not in made:
+            made[name] = mm.simulate(name, "tsm", "circle", duration=0.6)
+        return made[name]
+
+    return run
+
+
+@pytest.fixture(scope="session", params=mm.list_robots())
+def replay(request, runs, opened, tmp_path_factory):
+    """A robot, a run of it, and the run's standalone page."""
+    robot, record = mm.load_robot(request.param), runs(request.param)
+    file = record.save(tmp_path_factory.mktemp("run") / "run.h5")
+    page_file = file.with_suffix(".html")
+    view = mm.view(file, html=page_file)
+    assert view.url == page_file.as_uri()
+    assert page_file.stat().st_size < 12e6
+    with opened(view.url) as page:
+        yield robot, record, page

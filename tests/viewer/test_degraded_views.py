@@ -1,0 +1,157 @@
+"""What cannot be drawn as it should be: a message, and what can be drawn."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import sys
+
+import numpy as np
+import pytest
+
+import mobman as mm
+from mobman.viewer import meshes
+from mobman.viewer.body_parts import body
+from mobman.viewer.run_robot import robot_of_run
+from mobman.viewer.shapes import Cylinder, Mesh
+from mobman.viewer.view import make_scene
+from tests.support.poses import largest_difference
+from tests.support.variants import youbot_urdf, youbot_with_urdf
+
+pytestmark = pytest.mark.xdist_group("viewer")
+MESH = '<visual><geometry><mesh filename="package://nowhere/{}"/></geometry></visual>'
+
+
+def _robot(folder, change):
+    return mm.load_robot(youbot_with_urdf(folder, change(youbot_urdf())))
+
+
+def _without_looks(text):
+    return re.sub(r"<(visual|collision)\b.*?</\1>", "", text, flags=re.DOTALL)
+
+
+def _in_link(text, link, content):
+    return text.replace(f'<link name="{link}">', f'<link name="{link}">{content}')
+
+
+def test_missing_mesh_is_told_and_the_rest_is_drawn(tmp_path, opened):
+    robot = _robot(tmp_path, lambda text: _in_link(text, "arm_1", MESH.format("arm.stl")))
+    file = tmp_path / "page.html"
+    with pytest.warns(UserWarning, match=r"1 meshes are not drawn.*package://nowhere/arm.stl"):
+        view = mm.view(robot, html=file)
+    with opened(view.url) as page:
+        assert largest_difference(page, robot, robot.q_rest) <= 1e-6
+        assert len(page.evaluate("mobman.objects()")) == len(body(robot).parts)
+
+
+def test_link_of_a_missing_mesh_shows_its_collision_geometry(tmp_path):
+    def change(text):
+        content = MESH.format("arm.stl") + (
+            '<collision><geometry><cylinder radius="0.07" length="0.2"/></geometry></collision>'
+        )
+        return _in_link(_without_looks(text), "arm_1", content)
+
+    robot = _robot(tmp_path, change)
+    joint = robot.model.frames[robot.model.getFrameId("arm_1")].parentJoint
+    drawn = [part for part in body(robot).parts if part.joint == joint and part.role == "visual"]
+    assert [part.shape for part in drawn] == [Cylinder(0.07, 0.2)]
+
+
+def test_robot_without_any_shape_is_a_skeleton_with_wheels(tmp_path):
+    found = body(_robot(tmp_path, _without_looks))
+    robot = _robot(tmp_path, _without_looks)
+    assert found.warnings == ()
+    carried = {part.joint for part in found.parts if part.role == "visual"}
+    moving = set(range(1, robot.model.njoints))
+    assert carried == moving - {robot.model.getJointId(name) for name in ("base_x", "base_y")}
+    wheels = {robot.model.getJointId(wheel.joint): wheel.radius for wheel in robot.platform.wheels}
+    for part in found.parts:
+        if part.joint in wheels and part.role == "visual":
+            assert part.shape.radius == wheels[part.joint]
+    marked = [part.joint for part in found.parts if part.role == "mark"]
+    assert sorted(set(marked)) == sorted(wheels)
+
+
+@pytest.mark.parametrize("content", ["", "solid nothing\nendsolid\n", "this is no mesh"])
+def test_broken_mesh_is_told(tmp_path, content):
+    (tmp_path / "broken.stl").write_text(content)
+    robot = _robot(
+        tmp_path,
+        lambda text: _in_link(
+            text, "arm_1", MESH.replace("package://nowhere/", "").format("broken.stl")
+        ),
+    )
+    (warning,) = body(robot).warnings
+    assert "broken.stl" in warning
+
+
+def test_unknown_robot_leaves_the_paths(runs, opened, tmp_path):
+    spec = {**runs("youbot").spec}
+    spec["robot"] = {**spec["robot"], "name": "mine", "urdf": {"path": "not_there.urdf"}}
+    record = dataclasses.replace(runs("youbot"), robot="mine", spec=spec)
+    file = tmp_path / "page.html"
+    with pytest.warns(UserWarning, match=r"'mine' is not drawn, only the paths: .*not_there.urdf"):
+        view = mm.view(record, html=file)
+    with opened(view.url) as page:
+        page.evaluate("mobman.setTime(0.5)")
+        assert page.evaluate("mobman.objects()") == []
+        last = page.evaluate("mobman.frameTimes().filter(t => t <= 0.5).pop()")
+        expected = record.tip_position[int(np.argmin(np.abs(record.t - last)))]
+        assert page.evaluate("mobman.trail()")[-1] == pytest.approx(expected, abs=1e-5)
+        assert "not drawn" in page.inner_text("#info")
+
+
+def test_other_urdf_is_not_taken_for_the_runs(runs):
+    record = dataclasses.replace(runs("youbot"), urdf_sha256="0" * 64)
+    robot, problem = robot_of_run(record)
+    assert robot is None
+    assert "SHA-256" in problem
+    assert make_scene(record).content["runs"][0]["robot"] is None
+
+
+def test_robot_that_is_not_registered_is_built_from_the_record(runs, tmp_path):
+    """Its URDF lies beside the run's file."""
+    spec = {**runs("youbot").spec}
+    spec["robot"] = {**spec["robot"], "name": "mine", "urdf": {"path": "mine.urdf"}}
+    (tmp_path / "mine.urdf").write_text(youbot_urdf(), encoding="utf-8")
+    record = dataclasses.replace(runs("youbot"), robot="mine", spec=spec)
+    robot, problem = robot_of_run(record, tmp_path)
+    assert problem == ""
+    assert robot is not None
+    assert robot.name == "mine"
+
+
+def test_meshes_are_read_without_the_libraries_of_the_extra(monkeypatch):
+    robot = mm.load_robot("tiago_no_hand")
+    full = body(robot)
+    monkeypatch.setitem(sys.modules, "fast_simplification", None)
+    monkeypatch.setattr(meshes, "can_reduce", lambda: False)
+    monkeypatch.setattr("mobman.viewer.body_parts.can_reduce", lambda: False)
+    monkeypatch.setattr(meshes, "can_read_colours", lambda: False)
+    plain = body(robot)
+    assert plain.warnings == ()
+
+    def triangles(found):
+        return sum(len(part.shape.faces) for part in found.parts if isinstance(part.shape, Mesh))
+
+    assert len(plain.parts) == len(full.parts)
+    assert triangles(full) < 0.6 * triangles(plain)
+
+
+def test_reduced_meshes_keep_their_size():
+    for part in body(mm.load_robot("tiago_no_hand")).parts:
+        if isinstance(part.shape, Mesh):
+            assert np.all(np.isfinite(part.shape.vertices))
+    angle = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    ring = np.array([[np.cos(a), np.sin(a), h] for h in np.linspace(0, 1, 20) for a in angle])
+    faces = [
+        corner
+        for h in range(19)
+        for i in range(200)
+        for a, b in [(200 * h + i, 200 * h + (i + 1) % 200)]
+        for corner in ([a, b, a + 200], [b, b + 200, a + 200])
+    ]
+    small = meshes.reduced(Mesh(ring, np.array(faces), colour=(1.0, 0.0, 0.0, 1.0)), 500)
+    assert 300 <= len(small.faces) <= 520
+    assert small.bounds() == pytest.approx(np.array([[-1, -1, 0], [1, 1, 1]]), abs=0.02)
+    assert small.colour == (1.0, 0.0, 0.0, 1.0)

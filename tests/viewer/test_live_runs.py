@@ -1,0 +1,233 @@
+"""Runs that are shown while they go: what the page follows, and that the results are the same."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import urllib.error
+import urllib.request
+from time import perf_counter
+
+import click
+import numpy as np
+import pytest
+
+import mobman as mm
+from mobman.cli.run import run as run_command
+from mobman.viewer.live import LiveRun
+from mobman.viewer.view import View
+from tests.support.poses import largest_difference
+
+pytestmark = pytest.mark.xdist_group("viewer")
+
+ARRAYS = (
+    *("t", "q", "z", "torque", "tip_position", "tip_desired", "task_error", "auxiliary_error"),
+)
+
+
+def assert_same_results(one, other):
+    for name in ARRAYS:
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
+    assert one.signals.keys() == other.signals.keys()
+    for name, values in one.signals.items():
+        assert values.tobytes() == other.signals[name].tobytes(), name
+    timing = "compute_time"
+    for name, value in one.metrics.items():
+        if not name.startswith(timing):
+            assert repr(value) == repr(other.metrics[name]), name
+
+
+def _serving():
+    return [thread for thread in threading.enumerate() if thread.name == "mobman view"]
+
+
+@pytest.mark.parametrize("name", ["youbot", "tiago"])
+def test_the_page_follows_the_run_which_is_not_changed(name, opened):
+    robot = mm.load_robot(name)
+    seen = []
+    gate, ended = threading.Event(), threading.Event()
+    found = {}
+    live = LiveRun(robot, "circle", duration=0.5, speed=None, controller="tsm", scenario="nominal")
+
+    def observe(t, q, z, torque):
+        live.observe(t, q, z, torque)
+        seen.append((t, q.copy()))
+        if t > 0.2 and not gate.is_set():  # half-way, until the page has been looked at
+            assert gate.wait(60)
+        q[:], z[:], torque[:] = np.nan, np.nan, np.nan  # they are copies
+
+    def simulate():
+        try:
+            found["record"] = mm.simulate(
+                robot, "tsm", "circle", duration=0.5, observe=observe, observe_every=live.every
+            )
+        finally:
+            ended.set()
+
+    with View(live.scene, frames=live.frames) as view, opened(view.url) as page:
+        assert page.evaluate("mobman.live()") is True
+        assert page.evaluate("document.getElementById('time').disabled") is True
+        assert page.evaluate("mobman.app.runs[0].motion.path.rows") > 10
+        simulation = threading.Thread(target=simulate, daemon=True)
+        simulation.start()
+        try:
+            page.wait_for_function("mobman.time() > 0.2", timeout=60_000)
+            halfway = seen[-1]
+            assert not ended.is_set()
+            assert page.evaluate("mobman.frameTimes().pop()") == halfway[0]
+            page.wait_for_function("end => Math.abs(mobman.time() - end) < 1e-12", arg=halfway[0])
+        finally:
+            gate.set()
+        assert ended.wait(60)
+        simulation.join()
+        record = found["record"]
+        live.finish(record)
+        page.wait_for_function("!mobman.live()")
+        assert page.evaluate("mobman.playing()") is False
+        assert page.evaluate("mobman.time()") == record.t[-1]
+        assert largest_difference(page, robot, record.q[-1]) <= 1e-6
+        # then all of it can be looked at
+        assert page.evaluate("document.getElementById('time').disabled") is False
+        times = np.array(page.evaluate("mobman.frameTimes()"))
+        moment = float(times[len(times) // 2])
+        page.evaluate("time => mobman.setTime(time)", moment)
+        row = int(np.flatnonzero(record.t == moment)[0])
+        assert largest_difference(page, robot, record.q[row]) <= 1e-6
+    assert _serving() == []
+    assert_same_results(record, mm.simulate(robot, "tsm", "circle", duration=0.5))
+
+
+def test_frames_are_the_states_as_they_were():
+    robot = mm.load_robot("youbot")
+    live = LiveRun(robot, "paper", duration=0.3, speed=None)
+    seen = []
+
+    def observe(t, q, z, torque):
+        seen.append((t, q.copy()))
+        live.observe(t, q, z, torque)
+
+    record = mm.simulate(
+        robot, "tsm", "paper", duration=0.3, observe=observe, observe_every=live.every
+    )
+    assert len(seen) >= 17
+    for t, q in seen:
+        assert q.tobytes() == record.q[np.flatnonzero(record.t == t)[0]].tobytes()
+    news = json.loads(live.frames(-1.0))["motion"]
+    assert news["t"]["shape"] == [len(seen)]
+    assert json.loads(live.frames(seen[-1][0])) == {}
+    assert json.loads(live.frames(seen[-3][0]))["motion"]["t"]["shape"] == [2]
+    live.finish(record)
+    assert json.loads(live.frames(seen[-1][0]))["ended"] is True
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0])
+def test_it_keeps_to_the_clock(speed):
+    live = LiveRun(mm.load_robot("youbot"), "circle", duration=0.6, speed=speed)
+    nothing = np.zeros(0)
+    began = perf_counter()
+    for t in np.arange(0.0, 0.61, 0.02):
+        live.observe(float(t), nothing, nothing, nothing)
+    assert perf_counter() - began >= 0.6 / speed - 1e-3
+
+
+def test_a_diverging_run_is_followed_to_its_end(opened):
+    options = {"duration": 1.0, "controller": "tsm"}
+    robot = mm.load_robot("youbot")
+    live = LiveRun(robot, "circle", speed=None, **options)
+    record = mm.simulate(robot, _Runaway(), "circle", duration=1.0, observe=live.observe)
+    assert record.status == "diverged"
+    live.finish(record)
+    with View(live.scene, frames=live.frames) as view, opened(view.url) as page:
+        page.wait_for_function("!mobman.live()")
+        assert page.evaluate("mobman.duration()") == record.t[-1]
+        assert "diverged" in page.inner_text("#info")
+        assert largest_difference(page, robot, record.q[-1]) <= 1e-6
+
+
+class _Runaway:
+    name = "runaway"
+
+    def reset(self, robot, task, dt):
+        self._n = robot.nz
+
+    def step(self, t, q, z, z_dot):
+        return np.full(self._n, 20.0 + 1e4 * t)
+
+
+@pytest.mark.parametrize("query", ["", "?after=soon"])
+def test_wrong_questions_are_refused(query):
+    live = LiveRun(mm.load_robot("youbot"), "circle", duration=0.1)
+    with View(live.scene, frames=live.frames) as view:
+        with pytest.raises(urllib.error.HTTPError, match="400"):
+            urllib.request.urlopen(f"{view.url}frames{query}", timeout=10)
+        foreign = urllib.request.Request(
+            f"{view.url}frames?after=0", headers={"Host": "elsewhere.example"}
+        )
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(foreign, timeout=10)
+
+
+def _started(*arguments):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mobman", "run", "youbot", "--no-browser", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    line = process.stderr.readline()
+    assert line.startswith("live: http://127.0.0.1:"), line
+    return process, line.split()[1]
+
+
+def test_the_command_shows_the_run_and_stays_until_interrupted(opened, tmp_path):
+    file = tmp_path / "run.h5"
+    process, url = _started("--live-speed", "max", "--duration", 0.4, "-o", file, "--json")
+    try:
+        with opened(url) as page:
+            page.wait_for_function("!mobman.live()", timeout=60_000)
+            record = mm.load_record(file)
+            assert largest_difference(page, mm.load_robot("youbot"), record.q[-1]) <= 1e-6
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=20)
+        assert process.returncode == 0
+        assert json.loads(out)["status"] == "ok"
+        assert_same_results(record, mm.simulate("youbot", "tsm", "circle", duration=0.4))
+        with pytest.raises(urllib.error.URLError):
+            urllib.request.urlopen(url, timeout=5)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_the_command_is_interrupted_while_it_runs(browser):
+    process, url = _started("--live", "--duration", 60)
+    page = browser.new_page()
+    try:
+        page.goto(url)
+        page.evaluate("window.mobman.ready")
+        page.evaluate("() => { mobman.app.render = () => {}; }")
+        page.wait_for_function("mobman.time() > 0.1", timeout=60_000)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=20)
+        assert process.returncode == 130
+        assert error.strip() == "mobman: interrupted"
+        # what had come is still there
+        page.wait_for_function("!mobman.live()")
+        assert "interrupted" in page.inner_text("#info")
+        assert page.evaluate("document.getElementById('time').disabled") is False
+    finally:
+        page.close()
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.parametrize("speed", ["fast", "0", "-1", "nan", "inf"])
+def test_wrong_speeds(speed):
+    with pytest.raises(click.UsageError, match=re.escape(f"'{speed}' is neither")):
+        run_command.main(["youbot", "--live-speed", speed], standalone_mode=False)
