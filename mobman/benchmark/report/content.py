@@ -38,6 +38,10 @@ class ReportedRun:
     """May be decimated: the figures are drawn from it, the metrics are those of all samples."""
     gains: Mapping[str, Any] | None = None
     """The gains that the suite gives the controller; None if unknown."""
+    command: str = ""
+    """The command that shows its replay; none if empty."""
+    replay: str = ""
+    """The page of its replay, relative to the report's folder; none if empty."""
 
     @property
     def explicit(self) -> bool:

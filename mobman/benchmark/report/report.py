@@ -79,6 +79,7 @@ def _content(
             (group, [(cell, tables.metrics_table(cell)) for cell in group.cells])
             for group in groups
         ],
+        "replays_table": tables.replays_table(groups),
         "failures_table": tables.failures_table(groups),
         "settings": settings.settings_of(groups),
         "versions": provenance.versions_of(runs),

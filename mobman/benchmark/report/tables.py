@@ -84,6 +84,13 @@ def metrics_table(cell: Cell) -> Table:
     links = [Entry("h5", link=run.file) for run in cell.runs]
     links += [Entry(UNDEFINED, "faint") for _ in cell.failures]
     rows += [heading("Data"), Row(text("record"), [text(""), *links])]
+    if any(run.replay for run in cell.runs):
+        replays = [
+            Entry("replay", link=run.replay) if run.replay else Entry(UNDEFINED, "faint")
+            for run in cell.runs
+        ]
+        replays += [Entry(UNDEFINED, "faint") for _ in cell.failures]
+        rows.append(Row(text("page"), [text(""), *replays]))
     return Table(f"{cell.name}: every metric", columns, rows)
 
 
@@ -113,6 +120,28 @@ def failures_table(groups: Sequence[Group]) -> Table:
     numbers = ("seed", "at")
     heads = [Entry(name, number=name in numbers) for name in columns]
     return Table("When and why each of them ended", heads, rows)
+
+
+def replays_table(groups: Sequence[Group]) -> Table:
+    """How to look at each run: the command, and the page where there is one."""
+    paged = any(run.replay for group in groups for cell in group.cells for run in cell.runs)
+    columns = ["robot", "task", "scenario", "controller", "seed", "outcome", "command"]
+    rows = []
+    for cell in (cell for group in groups for cell in group.cells):
+        for run in cell.runs:
+            if not run.command:
+                continue
+            entries = [
+                *_place(cell, run.label, run.record.seed),
+                text(ending(run), "" if run.record.ok else "bad"),
+                text(run.command),
+            ]
+            if paged:
+                entries.append(text("replay" if run.replay else UNDEFINED, link=run.replay))
+            rows.append(Row(text(cell.robot), entries))
+    heads = [Entry(name, number=name == "seed") for name in columns]
+    heads += [text("page")] if paged else []
+    return Table("How to look at each run", heads, rows)
 
 
 def timing_table(groups: Sequence[Group]) -> Table:
