@@ -146,8 +146,7 @@ def run(
         path = None if output is None else record.save(output)
         _tell(record, path, as_json=as_json)
         if watched is not None:
-            watched.finish(record)
-            _stay()
+            _stay(watched, record)
     if not record.ok:
         click.echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
         raise click.exceptions.Exit(1)
@@ -165,11 +164,12 @@ def _open(watched: LiveRun, shown: View, no_browser: bool) -> None:
         click.echo("mobman: the page is not open yet; the run begins without it", err=True)
 
 
-def _stay() -> None:
-    """Keep the page until Ctrl-C."""
+def _stay(watched: LiveRun, record: Record) -> None:
+    """Give the page the whole run, and keep it until Ctrl-C: the way to end it, not a failure."""
     try:
+        watched.finish(record)
         threading.Event().wait()
-    except KeyboardInterrupt:  # the way to end it, not a failure
+    except KeyboardInterrupt:
         click.echo("", err=True)
 
 

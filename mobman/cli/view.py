@@ -102,12 +102,13 @@ def view(
 
 
 def _serve(shown: Any, no_browser: bool) -> None:
-    click.echo(f"{shown.scene.title}: {shown.url}  (Ctrl-C ends it)")
-    if not no_browser and not shown.open():
-        click.echo("mobman: no browser could be opened; open the address in one", err=True)
-    try:
+    address = shown.url
+    try:  # from when the address is told, Ctrl-C is the way to end it
+        click.echo(f"{shown.scene.title}: {address}  (Ctrl-C ends it)")
+        if not no_browser and not shown.open():
+            click.echo("mobman: no browser could be opened; open the address in one", err=True)
         threading.Event().wait()
-    except KeyboardInterrupt:  # the way to end it, not a failure
+    except KeyboardInterrupt:
         click.echo("", err=True)
 
 

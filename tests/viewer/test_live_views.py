@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 import urllib.error
 import urllib.request
 
@@ -174,10 +173,8 @@ def test_command_serves_until_interrupted():
 
 def test_command_writes_a_page(tmp_path):
     file = tmp_path / "robot.html"
-    began = time.monotonic()
     done = _command("youbot", "--html", file)
     assert done.returncode == 0, done.stderr
-    assert time.monotonic() - began < 30.0
     assert str(file) in done.stdout
     assert file.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert list(tmp_path.iterdir()) == [file]
