@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from mobman.cli.output import console, number, print_json
+from mobman.cli.output import console, number, print_json, progress_bar
 from mobman.errors import RecordError
 
 if TYPE_CHECKING:
@@ -121,17 +120,8 @@ def run(
             shown = View(watched.scene, port=port, frames=watched.frames)
             _open(watched, closing.enter_context(shown), no_browser)
             looking = {"observe": watched.observe, "observe_every": watched.every}
-        screen = console(stderr=True)
-        with Progress(
-            TextColumn(f"{model.name} · {task} · {resolved.name} · {controller}"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TimeRemainingColumn(),
-            console=screen,
-            transient=True,
-            disable=not screen.is_terminal,
-        ) as progress:
-            bar = progress.add_task("run", total=1.0)
+        title = f"{model.name} · {task} · {resolved.name} · {controller}"
+        with progress_bar(title) as progress:
             record = simulate(
                 model,
                 law,
@@ -140,7 +130,7 @@ def run(
                 dt=dt,
                 scenario=resolved,
                 seed=seed,
-                progress=lambda fraction: progress.update(bar, completed=fraction),
+                progress=progress,
                 **looking,
             )
         path = None if output is None else record.save(output)

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from mobman.cli.output import console
+from mobman.cli.output import progress_bar
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -113,18 +112,8 @@ def _serve(shown: Any, no_browser: bool) -> None:
 
 
 def _film(shown: Any, path: Path, options: dict[str, Any]) -> None:
-    screen = console(stderr=True)
-    with Progress(
-        TextColumn(path.name),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        console=screen,
-        transient=True,
-        disable=not screen.is_terminal,
-    ) as progress:
-        bar = progress.add_task("film", total=1.0)
-        shown.save(path, **options, progress=lambda share: progress.update(bar, completed=share))
+    with progress_bar(path.name) as progress:
+        shown.save(path, **options, progress=progress)
     _tell("film", path)
 
 
