@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 import pinocchio as pin
 
 from mobman.model.assembly import Assembly
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.urdf.meshes import mesh_paths
+from mobman.robots.urdf.placement import placement
 from mobman.viewer.shapes import Box, Capsule, Colour, Cylinder, Sphere
 
 Use = Literal["visual", "collision"]
@@ -96,7 +96,7 @@ def _look(
     colour = None
     if material is not None:
         colour = _own_colour(material) or colours.get(str(material.get("name")))
-    yield Look(link, use, _placement(element.find("origin")), shape, colour)
+    yield Look(link, use, pin.SE3(*placement(element)), shape, colour)
 
 
 def _shape(
@@ -117,16 +117,6 @@ def _shape(
             x, y, z = _numbers(child, "scale", 3) if child.get("scale") else (1.0, 1.0, 1.0)
             return MeshFile(name, path, problem, (x, y, z))
     return None
-
-
-def _placement(origin: ET.Element | None) -> pin.SE3:
-    if origin is None:
-        return pin.SE3.Identity()
-    xyz, rpy = (
-        _numbers(origin, name, 3) if origin.get(name) else (0.0, 0.0, 0.0)
-        for name in ("xyz", "rpy")
-    )
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
 
 
 def _own_colour(material: ET.Element) -> Colour | None:
