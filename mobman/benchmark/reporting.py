@@ -69,7 +69,7 @@ def report_on(
     seconds, workers = store.timing
     return write_report(
         Path(folder),
-        ReportedSuite(suite.name, suite.description, suite.duration, suite.dt, seconds, workers),
+        ReportedSuite(suite.name, suite.description, suite.duration, runs[0].dt, seconds, workers),
         reported,
         failed,
     )

@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.store import Failure, Store
-from mobman.benchmark.suite import RunSpec, Suite
+from mobman.benchmark.suite import Suite
 from mobman.controllers.protocol import controllers, make_controller
 from mobman.kernels.ahead import compile_ahead, compiled_ahead
 from mobman.model.build import load_robot

@@ -5,21 +5,17 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import h5py
-import numpy as np
-
-from mobman.benchmark.suite import RunSpec, Suite
+from mobman.benchmark.index import write_index
+from mobman.benchmark.manifest import NAME, Manifest, read_manifest
+from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError, RecordError
 from mobman.simulation.record import Record, load_record
 from mobman.simulation.record_file import RecordSummary, read_summary
 from mobman.simulation.temporary import is_abandoned, temporary_beside
-
-_SCHEMA_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -33,9 +29,9 @@ class Failure:
 class Store:
     """A folder of results.
 
-    ``runs/RUN_ID.h5`` are the records, each there whole or not at all; ``suite.json`` says what was
-    asked for; ``index.h5`` links the records with a table of what they are, and can be rebuilt from
-    these files at any time.
+    ``runs/RUN_ID.h5`` are the records and ``failures/RUN_ID.json`` the runs that gave none, each there
+    whole or not at all; ``suite.json`` says what was asked for; ``index.h5`` links the records with a
+    table of what they are, and can be rebuilt from these files at any time.
 
     Args:
         folder: The folder; it need not exist.
@@ -54,80 +50,89 @@ class Store:
         Raises:
             MobmanError: If the folder holds another suite's results, or cannot be written.
         """
-        try:
-            self._begin(suite, runs)
-        except OSError as error:
-            raise MobmanError(f"cannot write to {self.folder}: {error.strerror}") from error
-
-    def _begin(self, suite: Suite, runs: Iterable[RunSpec]) -> None:
-        seconds = workers = None
-        if (self.folder / "suite.json").exists():
-            content = self._content()
-            seconds, workers = content.get("seconds"), content.get("workers")
-            other = content["suite"]["name"]
-            if other != suite.name:
+        manifest = Manifest(suite, tuple(runs))
+        if (self.folder / NAME).exists():
+            before = read_manifest(self.folder)
+            if before.suite.name != suite.name:
                 raise MobmanError(
-                    f"{self.folder} holds results of the suite {other!r}, not of {suite.name!r}; "
-                    "choose another folder with -o"
+                    f"{self.folder} holds results of the suite {before.suite.name!r}, not of "
+                    f"{suite.name!r}; choose another folder with -o"
                 )
-        (self.folder / "runs").mkdir(parents=True, exist_ok=True)
-        for leftover in (*self.folder.glob(".*.tmp"), *(self.folder / "runs").glob(".*.tmp")):
-            if is_abandoned(leftover):
-                leftover.unlink(missing_ok=True)
-        self._write(
-            {
-                "schema_version": _SCHEMA_VERSION,
-                "suite": suite.model_dump(mode="json", by_alias=True),
-                "runs": {run.run_id: asdict(run) for run in runs},
-                "failures": {},
-                "seconds": seconds,
-                "workers": workers,
-            }
-        )
+            manifest = replace(manifest, seconds=before.seconds, workers=before.workers)
+        try:
+            for name in ("runs", "failures"):
+                (self.folder / name).mkdir(parents=True, exist_ok=True)
+                self._clear(self.folder / name)
+            self._clear(self.folder)
+            manifest.write(self.folder)
+        except OSError as error:
+            raise self._cannot_write(error) from error
 
-    def finish(
-        self, failures: Iterable[Failure], seconds: float | None = None, workers: int | None = None
-    ) -> None:
-        """Note how the suite went, and rebuild the index.
+    def keep(self, run: RunSpec, content: bytes) -> None:
+        """Keep a run's record.
 
         Args:
-            failures: Runs without a result.
+            run: The run.
+            content: Its file's.
+
+        Raises:
+            MobmanError: If it cannot be written; nothing half-written is left.
+        """
+        self._write(self.path(run), content)
+        self._failure(run.run_id).unlink(missing_ok=True)
+
+    def fail(self, run: RunSpec, reason: str) -> None:
+        """Note that a run gave no result, and why.
+
+        Raises:
+            MobmanError: If it cannot be written.
+        """
+        content = json.dumps({"run_id": run.run_id, "run": str(run), "reason": reason})
+        self._write(self._failure(run.run_id), content.encode())
+
+    def finish(self, seconds: float | None = None, workers: int | None = None) -> None:
+        """Note how long it took, and rebuild the index.
+
+        Args:
             seconds: How long the runs took that were done now; None if there were none.
             workers: With how many processes.
+
+        Raises:
+            MobmanError: If the folder cannot be written.
         """
-        content = self._content()
-        content["failures"] = {failure.run_id: failure.reason for failure in failures}
         if seconds is not None:
-            content["seconds"] = seconds + (content.get("seconds") or 0.0)
-            content["workers"] = workers
-        content["finished"] = datetime.now(UTC).isoformat(timespec="seconds")
-        self._write(content)
+            before = read_manifest(self.folder)
+            after = replace(before, seconds=seconds + (before.seconds or 0.0), workers=workers)
+            try:
+                after.write(self.folder)
+            except OSError as error:
+                raise self._cannot_write(error) from error
         self.rebuild_index()
 
     @property
-    def suite(self) -> Suite:
-        """The suite whose results these are.
+    def manifest(self) -> Manifest:
+        """What was asked for.
 
         Raises:
             MobmanError: If the folder holds no results.
         """
-        return Suite.model_validate(self._content()["suite"])
+        return read_manifest(self.folder)
 
     @property
-    def timing(self) -> tuple[float | None, int | None]:
-        """How long the runs took altogether (s), and with how many workers at last."""
-        content = self._content()
-        return content.get("seconds"), content.get("workers")
-
-    @property
-    def runs(self) -> list[RunSpec]:
+    def runs(self) -> tuple[RunSpec, ...]:
         """The runs that were asked for, in the suite's order."""
-        return [RunSpec(**fields) for fields in self._content()["runs"].values()]
+        return self.manifest.runs
 
     @property
     def failures(self) -> list[Failure]:
         """The runs without a result, and why."""
-        return [Failure(*item) for item in self._content()["failures"].items()]
+        found = []
+        for path in sorted((self.folder / "failures").glob("*.json")):
+            try:
+                found.append(Failure(path.stem, str(json.loads(path.read_bytes())["reason"])))
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                found.append(Failure(path.stem, f"{path} is not readable: {error!r}"))
+        return found
 
     def done(self, run: RunSpec) -> bool:
         """Whether a run's record is there and can be read."""
@@ -137,6 +142,23 @@ class Store:
             return False
         return True
 
+    def unreadable(self, runs: Iterable[RunSpec]) -> list[str]:
+        """What is wrong with each record that is there and cannot be read."""
+        found = []
+        for run in runs:
+            if os.path.lexists(self.path(run)):
+                try:
+                    read_summary(self.path(run))
+                except RecordError as error:
+                    found.append(str(error))
+        return found
+
+    def strangers(self) -> list[Path]:
+        """Files among the records that are of no run that was asked for."""
+        own = {self.path(run).name for run in self.runs}
+        there = sorted((self.folder / "runs").glob("*"))
+        return [path for path in there if path.name not in own and not path.name.startswith(".")]
+
     def record(self, run: RunSpec) -> Record:
         """A run's record.
 
@@ -145,79 +167,59 @@ class Store:
         """
         return load_record(self.path(run))
 
+    def summary(self, run: RunSpec) -> RecordSummary:
+        """A run's record without its samples.
+
+        Raises:
+            RecordError: If it is not there or cannot be read.
+        """
+        return read_summary(self.path(run))
+
+    def forget(self, runs: Iterable[RunSpec]) -> None:
+        """Remove records, so that they are run anew.
+
+        Raises:
+            MobmanError: If they cannot be removed.
+        """
+        try:
+            for run in runs:
+                self.path(run).unlink(missing_ok=True)
+                self._failure(run.run_id).unlink(missing_ok=True)
+        except OSError as error:
+            raise self._cannot_write(error) from error
+
     def rebuild_index(self) -> Path:
-        """Write ``index.h5`` anew: a link to every record, and a table of specs and metrics."""
-        index = self.folder / "index.h5"
-        temporary = temporary_beside(index)
+        """Write ``index.h5`` anew: a link to every record, and a table of specs and metrics.
+
+        Raises:
+            MobmanError: If it cannot be written.
+        """
         rows = []
         for run in self.runs:
             try:
-                rows.append((run, read_summary(self.path(run))))
+                rows.append((run, self.summary(run)))
             except RecordError:
                 continue  # not run yet, or among the failures
-        try:
-            with h5py.File(temporary, "w") as file:
-                _fill_index(file, rows)
-            os.replace(temporary, index)
-        except OSError as error:
-            raise MobmanError(f"cannot write {index}: {error}") from error
-        finally:
-            temporary.unlink(missing_ok=True)
-        return index
+        return write_index(self.folder / "index.h5", rows)
 
-    def _content(self) -> dict[str, Any]:
-        path = self.folder / "suite.json"
-        try:
-            content: dict[str, Any] = json.loads(path.read_text())
-        except FileNotFoundError as error:
-            raise MobmanError(f"{self.folder} holds no results: there is no {path.name}") from error
-        except (OSError, json.JSONDecodeError) as error:
-            raise MobmanError(f"cannot read {path}: {error}") from error
-        version = content.get("schema_version") if isinstance(content, dict) else None
-        if version != _SCHEMA_VERSION:
-            raise MobmanError(
-                f"{path} has schema version {version}; this mobman reads version {_SCHEMA_VERSION}"
-            )
-        try:
-            Suite.model_validate(content["suite"])
-            [RunSpec(**fields) for fields in content["runs"].values()]
-            dict(content["failures"])
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise MobmanError(f"{path} is not whole: {error!r}") from error
-        return content
+    def _failure(self, run_id: str) -> Path:
+        return self.folder / "failures" / f"{run_id}.json"
 
-    def _write(self, content: dict[str, Any]) -> None:
-        path = self.folder / "suite.json"
+    def _write(self, path: Path, content: bytes) -> None:
         temporary = temporary_beside(path)
         try:
-            temporary.write_text(json.dumps(content, indent=1))
+            temporary.write_bytes(content)
             os.replace(temporary, path)
+        except OSError as error:
+            raise self._cannot_write(error) from error
         finally:
             temporary.unlink(missing_ok=True)
 
+    def _cannot_write(self, error: OSError) -> MobmanError:
+        return MobmanError(f"cannot write to {self.folder}: {error.strerror or error}")
 
-def _fill_index(file: h5py.File, rows: list[tuple[RunSpec, RecordSummary]]) -> None:
-    file.attrs["schema_version"] = _SCHEMA_VERSION
-    links = file.create_group("runs")
-    table = file.create_group("table")
-    text = h5py.string_dtype()
-    for run, _ in rows:
-        links[run.run_id] = h5py.ExternalLink(f"runs/{run.run_id}.h5", "/")
-    columns: dict[str, list[str]] = {
-        "run_id": [run.run_id for run, _ in rows],
-        "label": [run.label for run, _ in rows],
-        "robot": [run.robot for run, _ in rows],
-        "task": [run.task for run, _ in rows],
-        "scenario": [record.scenario for _, record in rows],
-        "status": [record.status for _, record in rows],
-        "message": [record.message for _, record in rows],
-        "spec_json": [json.dumps(asdict(run), sort_keys=True) for run, _ in rows],
-    }
-    for name, values in columns.items():
-        table.create_dataset(name, data=values, dtype=text)
-    table.create_dataset("seed", data=np.array([run.seed for run, _ in rows], dtype=int))
-    metrics = table.create_group("metrics")
-    for name in sorted({name for _, record in rows for name in record.metrics}):
-        metrics.create_dataset(
-            name, data=[record.metrics.get(name, np.nan) for _, record in rows], dtype=float
-        )
+    @staticmethod
+    def _clear(folder: Path) -> None:
+        for leftover in folder.glob(".*.tmp"):
+            if is_abandoned(leftover):
+                leftover.unlink(missing_ok=True)

@@ -14,9 +14,10 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
 
-from mobman.cli.output import console, number, print_json
+from mobman.cli.bench_merge import merge_command
+from mobman.cli.bench_suites import list_command, show_command
+from mobman.cli.output import console, number
 
 if TYPE_CHECKING:
     from mobman.benchmark.runner import Outcome
@@ -24,39 +25,12 @@ if TYPE_CHECKING:
 
 @click.group()
 def bench() -> None:
-    """List and run suites of the comparative benchmark, and report on them."""
+    """Suites of the comparative benchmark: list, show, run, report, merge."""
 
 
-@bench.command("list")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def list_command(as_json: bool) -> None:
-    """List the suites."""
-    from mobman.benchmark.suite import list_suites, load_suite
-
-    rows = []
-    for name in list_suites():
-        suite = load_suite(name)
-        rows.append(
-            {
-                "name": name,
-                "runs": len(suite.runs()),
-                "duration": suite.duration,
-                "description": suite.description,
-            }
-        )
-    if as_json:
-        print_json(rows)
-        return
-    table = Table(box=None, pad_edge=False)
-    table.add_column("suite")
-    table.add_column("runs", justify="right")
-    table.add_column("s each", justify="right")
-    table.add_column("description")
-    for row in rows:
-        table.add_row(
-            str(row["name"]), str(row["runs"]), f"{row['duration']:g}", str(row["description"])
-        )
-    console().print(table)
+bench.add_command(list_command)
+bench.add_command(show_command)
+bench.add_command(merge_command)
 
 
 @bench.command("run")

@@ -16,7 +16,7 @@ import pytest
 
 import mobman as mm
 from mobman.benchmark.runner import run_suite
-from mobman.benchmark.suite import Suite
+from mobman.benchmark.suite import Suite, load_suite
 from mobman.controllers.protocol import controllers
 from mobman.model.platforms.body import Body
 from mobman.model.platforms.platform import platforms
@@ -74,6 +74,13 @@ def robots_table(columns: str = "") -> str:
         rows.append((f"`{name}`", spec.platform.type, *numbers, *what, licence))
     what = ("what it is",) if columns == "names" else ("tip", "source")
     return _table(("robot", "platform", "$n$", "`nz`", "kg", *what, "licence"), rows)
+
+
+def suites_table(_: str = "") -> str:
+    """The suites that come with mobman."""
+    suites = [load_suite(path) for path in sorted(resource_folder("benchmarks").glob("*.toml"))]
+    rows = [(f"`{suite.name}`", str(suite.size()), suite.description) for suite in suites]
+    return _table(("suite", "runs", "what it is for"), rows)
 
 
 def scenarios_table(_: str = "") -> str:
