@@ -166,8 +166,6 @@ def test_one_run_with_two_gains_is_refused(tmp_path):
 
 def test_a_pattern_of_robots_is_all_that_fit(tmp_path):
     text = one_scenario().replace('["youbot"]', '["youbot*"]')
-        '["nominal", "mass", "push-*"]', '["nominal"]'
-    )
     assert {run.robot for run in suite_of(tmp_path, text).runs()} == {"youbot", "youbot_mecanum"}
 
 
@@ -185,8 +183,6 @@ def test_who_edits_a_law_of_their_own_gets_new_runs(tmp_path, monkeypatch):
 
     monkeypatch.setitem(controllers._items, "own", own_law.Own)
     text = one_scenario().replace('law = "tsm"', 'law = "own"')
-        '["nominal", "mass", "push-*"]', '["nominal"]'
-    )
 
     def ids():
         return {run.run_id for run in suite_of(tmp_path, text).runs() if run.law == "own"}
