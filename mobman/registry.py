@@ -45,6 +45,11 @@ class Registry(Generic[T]):
         self._discover()
         return sorted({*self._items, *self._plugins()})
 
+    def loaded(self) -> dict[str, T]:
+        """The things of this process by name: third-party ones only if they were asked for."""
+        self._discover()
+        return dict(self._items)
+
     def get(self, name: str) -> T:
         """The thing of that name.
 

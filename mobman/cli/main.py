@@ -13,6 +13,7 @@ import warnings
 import click
 
 from mobman.cli.bench import bench
+from mobman.cli.rerun import rerun
 from mobman.cli.robots import robots
 from mobman.cli.run import run
 from mobman.cli.view import view
@@ -28,6 +29,7 @@ def mobman() -> None:
 
 mobman.add_command(robots)
 mobman.add_command(run)
+mobman.add_command(rerun)
 mobman.add_command(bench)
 mobman.add_command(view)
 

@@ -134,7 +134,7 @@ def run(
                 **looking,
             )
         path = None if output is None else record.save(output)
-        _tell(record, path, as_json=as_json)
+        tell(record, path, as_json=as_json)
         if watched is not None:
             _stay(watched, record)
     if not record.ok:
@@ -163,7 +163,8 @@ def _stay(watched: LiveRun, record: Record) -> None:
         click.echo("", err=True)
 
 
-def _tell(record: Record, path: Path | None, *, as_json: bool) -> None:
+def tell(record: Record, path: Path | None, *, as_json: bool) -> None:
+    """Print a run: its metrics as a table, or all that is known of it as JSON."""
     if not as_json:
         _print(record, path)
         return

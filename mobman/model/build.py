@@ -18,7 +18,7 @@ from mobman.model.mobile_manipulator import Geometry, MobileManipulator
 from mobman.model.platforms.platform import Platform, Site
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf.file import urdf_sources
+from mobman.robots.urdf.file import UrdfSources, urdf_sources
 from mobman.robots.urdf.flat import flat_urdf
 
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
@@ -42,14 +42,18 @@ def load_robot(
     return build_robot(find_spec(name_or_path))
 
 
-def build_robot(spec: RobotSpec) -> MobileManipulator:
+def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileManipulator:
     """The robot that a description describes.
+
+    Args:
+        spec: The description.
+        sources: Its URDF files, where they are not those that it points at.
 
     Raises:
         SpecError: If a field does not fit the URDF.
     """
     where = spec.where
-    sources = urdf_sources(spec)
+    sources = urdf_sources(spec) if sources is None else sources
     assembly = Assembly(spec, sources)
     # where the wheels are says where the platform's frame is
     still = _parse(spec, flat_urdf(deepcopy(assembly.robot), where, base_joints=()))

@@ -26,13 +26,14 @@ from mobman.model.task_map import TaskMap
 from mobman.simulation.accelerometer import Accelerometer
 from mobman.simulation.arguments import (
     checked_seed,
-    plant_name,
     resolved_controller,
     resolved_plant,
     resolved_scenario,
     seconds,
     whole_ticks,
 )
+from mobman.simulation.asked.robot import urdf_asked
+from mobman.simulation.asked.run import run_asked
 from mobman.simulation.divergence import divergence_reason, divergence_step
 from mobman.simulation.integrator import RungeKutta
 from mobman.simulation.metrics.metric import Run, compute_metrics
@@ -42,7 +43,7 @@ from mobman.simulation.record import OWN_PLACES, Record
 from mobman.simulation.samples import Samples, keep, keep_finite, keep_from
 from mobman.simulation.scenario import Scenario
 from mobman.tasks.criteria.posture import Posture
-from mobman.tasks.task import Task, make_task, task_map_of, task_parameters, task_steps
+from mobman.tasks.task import Task, make_task, task_map_of, task_steps
 
 _LARGEST_STEP = 1e-3  # s: the plant's integration step is at most this
 
@@ -94,6 +95,7 @@ def simulate(
     """
     if not isinstance(robot, MobileManipulator):
         robot = load_robot(robot)
+    given = (controller, task)
     controller = resolved_controller(controller)
     duration, dt = seconds("duration", duration), seconds("dt", dt)
     ticks = whole_ticks(duration, dt)
@@ -128,18 +130,21 @@ def simulate(
     record.scenario = resolved.name
     record.seed = seed
     record.spec = {
-        "robot": robot.spec.model_dump(mode="json", by_alias=True),
         "controller": record.controller,
         "task": record.task,
-        "task_parameters": task_parameters(task),
-        "scenario": resolved.model_dump(mode="json"),
-        "plant": plant_name(plant),
-        "plant_masses": [float(link.mass) for link in list(true.model.inertias)[1:]],
-        "duration": duration,
-        "dt": dt,
-        "q0": start.tolist(),
-        "seed": seed,
+        **run_asked(
+            robot=robot,
+            controller=(given[0], controller),
+            task=(given[1], task),
+            plant=(plant, true),
+            scenario=resolved,
+            duration=duration,
+            dt=dt,
+            q0=start,
+            seed=seed,
+        ),
     }
+    record.urdf = urdf_asked(robot, plant)
     return record
 
 

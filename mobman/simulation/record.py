@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mobman.arrays import Array
+from mobman.simulation.provenance import machine
 
 OWN_PLACES = {
     "t",
@@ -21,6 +25,7 @@ OWN_PLACES = {
     "joint",
     "velocity",
     "axis",
+    "urdf",
 }
 """First parts of the places in a record's file that a controller's signals cannot have."""
 
@@ -80,29 +85,60 @@ class Record:
     """Of z and of the motors."""
     decimation: int = field(default=1)
     """Ticks from one sample to the next."""
+    urdf: dict[str, bytes] = field(default_factory=dict, repr=False)
+    """The robot's URDF files, without their meshes: by ``"0/NAME"``, ``"1/NAME"``, ... in the order of
+    its description; ``"plant/0/NAME"``, ... of a plant that is another robot."""
+    machine: dict[str, str] = field(default_factory=machine)
+    """Processor, architecture and system that the run was made on."""
+    state_sha256: str = ""
+    """SHA-256, hexadecimal, of t, q, z and torque at every tick, in this order, as little-endian
+    doubles by rows: equal where two runs are, to the last bit. A decimated record has that of all."""
+
+    def __post_init__(self) -> None:
+        if not self.state_sha256:
+            self.state_sha256 = state_sha256(self.t, self.q, self.z, self.torque)
 
     @property
     def ok(self) -> bool:
         """Whether the run went to its end."""
         return self.status == "ok"
 
-    def save(self, path: str | os.PathLike[str], *, every: int = 1) -> Path:
+    def save(self, path: str | os.PathLike[str], *, every: int = 1, compression: int = 4) -> Path:
         """Write the record to an HDF5 file: whole, or not at all.
 
         Args:
             path: The file; one that is there is replaced.
             every: Keep every so many-th sample, and the last; metrics stay those of all samples.
+            compression: From 0, none, to 9; every number comes back to the last bit.
 
         Returns:
             The file's path.
 
         Raises:
             RecordError: If it cannot be written.
-            UsageError: If ``every`` is below 1.
+            UsageError: If ``every`` or ``compression`` is no such number.
         """
         from mobman.simulation.record_file import write_record
 
-        return write_record(self, Path(path), every)
+        return write_record(self, Path(path), every=every, compression=compression)
+
+    def to_bytes(self, *, every: int = 1, compression: int = 4) -> bytes:
+        """The content of the file that :meth:`save` writes.
+
+        Raises:
+            UsageError: If ``every`` or ``compression`` is no such number.
+        """
+        from mobman.simulation.record_file import record_bytes
+
+        return record_bytes(self, every=every, compression=compression)
+
+
+def state_sha256(*samples: Array) -> str:
+    """Hash of samples as :attr:`Record.state_sha256` has it."""
+    digest = hashlib.sha256()
+    for values in samples:
+        digest.update(np.ascontiguousarray(values, dtype="<f8").data)
+    return digest.hexdigest()
 
 
 def load_record(path: str | os.PathLike[str]) -> Record:

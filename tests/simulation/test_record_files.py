@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 
@@ -63,11 +64,13 @@ def test_everything_comes_back(record, file):
 def test_attributes(record, file):
     with h5py.File(file) as content:
         attributes = dict(content.attrs)
-    assert attributes["schema_version"] == 1
+    assert attributes["schema_version"] == 2
     assert attributes["seed"] == 5
     for name in ("status", "message", "robot", "controller", "task", "scenario", "created"):
         assert attributes[name] == getattr(record, name)
     assert attributes["urdf_sha256"] == record.urdf_sha256
+    assert attributes["state_sha256"] == record.state_sha256
+    assert json.loads(attributes["machine_json"]) == record.machine
     assert json.loads(attributes["spec_json"]) == record.spec
     assert json.loads(attributes["versions_json"]) == record.versions
     assert json.loads(attributes["settings_json"]) == record.settings
@@ -128,6 +131,94 @@ def test_every_so_many_th_sample(record, tmp_path):
     again = mm.load_record(back.save(tmp_path / "again.h5", every=2))
     assert again.decimation == 20
     assert np.array_equal(again.t, record.t[::20])
+
+
+def test_hash_is_of_the_states_and_torques_at_every_tick(record, tmp_path):
+    parts = (record.t, record.q, record.z, record.torque)
+    content = b"".join(np.asarray(part, dtype="<f8").tobytes(order="C") for part in parts)
+    assert record.state_sha256 == hashlib.sha256(content).hexdigest()
+    back = mm.load_record(record.save(tmp_path / "run.h5", every=7))
+    assert back.state_sha256 == record.state_sha256  # of all ticks, not of those in the file
+    same = mm.simulate("youbot", "pseudo-inverse", "circle", duration=0.01)
+    other = mm.simulate("youbot", "pseudo-inverse", "circle", duration=0.011)
+    assert len({record.state_sha256, same.state_sha256, other.state_sha256}) == 3
+
+
+@pytest.mark.parametrize("compression", [0, 1, 4, 9])
+@pytest.mark.parametrize("every", [1, 7])
+def test_every_number_comes_back_whatever_the_compression(record, tmp_path, compression, every):
+    odd = dataclasses.replace(record, torque=record.torque.copy())
+    odd.torque[3:7, 0] = [np.nan, np.inf, -np.inf, -0.0]
+    path = odd.save(tmp_path / "run.h5", every=every, compression=compression)
+    back = mm.load_record(path)
+    kept = sorted({*range(0, 101, every), 100})
+    assert back.torque.tobytes() == odd.torque[kept].tobytes()
+    assert back.q.tobytes() == odd.q[kept].tobytes()
+    assert back.signals["sliding/S"].tobytes() == odd.signals["sliding/S"][kept].tobytes()
+    with h5py.File(path) as content:
+        assert content["q"].compression_opts == (compression or None)
+
+
+def test_long_runs_have_several_chunks(record, tmp_path):
+    """As many samples as need more than one chunk, and do not fill the last one."""
+    random = np.random.default_rng(0)
+    n = 40_001
+    long = dataclasses.replace(
+        record,
+        **{
+            name: random.standard_normal((n, *getattr(record, name).shape[1:])).round(name == "z")
+            for name in ("q", "z", "torque", "tip_position", "tip_desired", "task_error")
+        },
+        auxiliary_error=np.zeros((n, 2)),
+        compute_time=np.full(n, 1e-4),
+        t=np.arange(n) * 1e-3,
+        signals={"own/table": random.standard_normal((n, 2, 3)), "own/one": np.ones(n)},
+    )
+    path = long.save(tmp_path / "run.h5")
+    back = mm.load_record(path)
+    for name in ("t", "q", "z", "torque", "auxiliary_error", "compute_time"):
+        assert np.array_equal(getattr(back, name), getattr(long, name))
+    assert np.array_equal(back.signals["own/table"], long.signals["own/table"])
+    with h5py.File(path) as content:
+        assert content["q"].chunks[0] < n
+        assert content["q"].chunks[1] == 1
+
+
+def test_content_in_memory_is_that_of_the_file(record, tmp_path):
+    path = record.save(tmp_path / "run.h5", every=3, compression=1)
+    assert path.read_bytes() == record.to_bytes(every=3, compression=1)
+
+
+def test_records_of_one_layout_do_not_mix(record, tmp_path):
+    """The places are made once for a layout; what is in them is each record's own."""
+    other = dataclasses.replace(record, message="another", seed=8, metrics=dict(record.metrics))
+    other.metrics["torque_peak"] = 1.5
+    first, second = record.save(tmp_path / "1.h5"), other.save(tmp_path / "2.h5")
+    again = record.save(tmp_path / "3.h5")
+    assert first.read_bytes() == again.read_bytes()
+    back = mm.load_record(second)
+    assert (back.message, back.seed, back.metrics["torque_peak"]) == ("another", 8, 1.5)
+
+
+def test_urdf_is_in_the_file(record, file, youbot):
+    path = youbot.urdf.path
+    assert mm.load_record(file).urdf == {"0/youbot.urdf": path.read_bytes()}
+    with h5py.File(file) as content:
+        assert content["urdf/0/youbot.urdf"][()].tobytes() == path.read_bytes()
+
+
+def test_text_that_hdf5_has_no_way_for(record, tmp_path):
+    odd = dataclasses.replace(record, message="a\0b \udcff", spec={"path": "\udcff"})
+    back = mm.load_record(odd.save(tmp_path / "run.h5"))
+    assert back.message == "a\\0b \\udcff"
+    assert back.spec == odd.spec
+
+
+@pytest.mark.slow
+def test_ten_seconds_fit_in_their_budget(robot):
+    """1.5 MB for 10 s at 1 kHz, one sample every 5 ms kept."""
+    record = mm.simulate(robot, "tsm", "circle", duration=10.0)
+    assert len(record.to_bytes(every=5)) < 1.5e6
 
 
 def test_folders_are_made_and_files_replaced(record, file, tmp_path):

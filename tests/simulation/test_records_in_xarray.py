@@ -82,4 +82,31 @@ def test_groups_have_the_roots_coordinates_in_a_tree(record, file):
 def test_baseline_without_signals_opens_too(tmp_path):
     record = mm.simulate("youbot", "pseudo-inverse", "circle", duration=0.01)
     with xarray.open_datatree(record.save(tmp_path / "run.h5"), engine="h5netcdf") as tree:
-        assert set(tree.children) == {"error", "metrics", "tip"}
+        assert set(tree.children) == {"error", "metrics", "tip", "urdf"}
+
+
+def test_every_dataset_has_units_and_a_description(file):
+    with xarray.open_datatree(file, engine="h5netcdf") as tree:
+        named = [
+            (f"{node.path}/{name}", v)
+            for node in tree.subtree
+            for name, v in node.variables.items()
+        ]
+        assert len(named) > 15
+        for name, variable in named:
+            assert "units" in variable.attrs, name
+            assert variable.attrs["description"], name
+            assert not any(dim.startswith("phony") for dim in variable.dims), name
+
+
+def test_urdf_is_there_byte_by_byte(file, youbot):
+    with xarray.open_datatree(file, engine="h5netcdf") as tree:
+        content = tree["urdf/0/youbot.urdf"].values.tobytes()
+    assert content == youbot.urdf.path.read_bytes()
+
+
+@pytest.mark.parametrize("compression", [0, 9])
+def test_any_compression_opens(record, tmp_path, compression):
+    path = record.save(tmp_path / "run.h5", every=4, compression=compression)
+    with xarray.open_datatree(path, engine="h5netcdf") as tree:
+        assert np.array_equal(tree["q"], record.q[[*range(0, 31, 4), 30]])

@@ -6,12 +6,12 @@ import os
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from mobman.benchmark.report.cells import unique
 from mobman.benchmark.report.content import ReportedRun
 from mobman.benchmark.report.format import UNDEFINED, count
 from mobman.benchmark.report.table import Row, Table, text
+from mobman.simulation.provenance import machine
 
 
 @dataclass(frozen=True)
@@ -50,20 +50,10 @@ def versions_of(runs: Sequence[ReportedRun]) -> Versions:
 def machine_table() -> Table:
     """The machine that writes the report."""
     facts = {
-        "processor": _processor(),
+        "processor": machine()["processor"] or UNDEFINED,
         "architecture": platform.machine() or UNDEFINED,
         "logical cores": str(os.cpu_count() or UNDEFINED),
         "system": f"{platform.system()} {platform.release()}".strip() or UNDEFINED,
     }
     rows = [Row(text(name), [text(value)]) for name, value in facts.items()]
     return Table("Machine that wrote this report", [text("of"), text("value")], rows)
-
-
-def _processor() -> str:
-    try:  # where there is such a file, it says more than `platform`
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or UNDEFINED

@@ -6,12 +6,13 @@ import hashlib
 import os
 import sysconfig
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from mobman.errors import SpecError
 from mobman.robots.spec import RobotSpec, UrdfSource
-from mobman.robots.urdf.reading import read_urdf
+from mobman.robots.urdf.reading import parse_urdf, read_content
 
 
 @dataclass(frozen=True)
@@ -21,14 +22,25 @@ class UrdfFile:
     Attributes:
         path: The file.
         package_folders: Folders that may hold a package NAME of ``package://NAME/...``.
+        kept: Its content, where that is not read from disk: a run's record keeps it.
     """
 
     path: Path
     package_folders: tuple[Path, ...]
+    kept: bytes | None = field(default=None, repr=False)
+
+    @cached_property
+    def content(self) -> bytes:
+        """The file's content as it was when first asked for: what the robot was made of.
+
+        Raises:
+            SpecError: If the file cannot be read.
+        """
+        return read_content(self.path) if self.kept is None else self.kept
 
     def sha256(self) -> str:
         """Hash of the file's content, hexadecimal."""
-        return hashlib.sha256(self.path.read_bytes()).hexdigest()
+        return hashlib.sha256(self.content).hexdigest()
 
     def parse(self) -> ET.Element:
         """The ``<robot>`` element, checked; a new one at each call.
@@ -36,7 +48,7 @@ class UrdfFile:
         Raises:
             SpecError: If the file cannot be read or is not a URDF that makes sense.
         """
-        return read_urdf(self.path)
+        return parse_urdf(self.content, self.path)
 
 
 @dataclass(frozen=True)

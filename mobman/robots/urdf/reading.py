@@ -39,8 +39,30 @@ def read_urdf(path: Path) -> ET.Element:
             file and, of every problem, the line, the link or joint, the field, what was found, and
             what is allowed.
     """
+    return parse_urdf(read_content(path), path)
+
+
+def read_content(path: Path) -> bytes:
+    """The content of a URDF's file.
+
+    Raises:
+        SpecError: If the file cannot be read.
+    """
+    return read_input(path, "URDF", _MEGABYTES, "geometry belongs in meshes")
+
+
+def parse_urdf(content: bytes, path: Path) -> ET.Element:
+    """The ``<robot>`` element of a URDF's content, as :func:`read_urdf`.
+
+    Args:
+        content: The file's content.
+        path: The file, for messages and for a robot without a name.
+
+    Raises:
+        SpecError: If it is not a URDF that makes sense.
+    """
     where = f"the URDF {path}"
-    document = parse_xml(read_input(path, "URDF", _MEGABYTES, "geometry belongs in meshes"), where)
+    document = parse_xml(content, where)
     robot = document.root
     if robot.tag != "robot":
         other = _OTHERS.get(str(robot.tag))
