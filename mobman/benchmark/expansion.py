@@ -20,7 +20,7 @@ from mobman.model.build import load_robot
 from mobman.robots.catalogue import find_spec, list_robots
 from mobman.robots.urdf.file import urdf_sources
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
-from mobman.tasks.task import make_task, task_parameters, tasks
+from mobman.tasks.task import check_parameters, make_task, task_parameters, tasks
 from mobman.toml_model import validate
 from mobman.version import __version__
 
@@ -124,7 +124,7 @@ class Expansion:
                     where = f"controller {label!r} in groups.{number}"
                     self._try(where, make_controller, self._law[label], **{**gains, **own})
         for label, task in self._task.items():
-            self._try(f"task {label!r}", tasks.get, task)
+            self._try(f"task {label!r}", check_parameters, task, self._tasks[label])
         for label in self._scenarios:
             self._try(f"scenario {label!r}", self._scenario, label)
 

@@ -30,6 +30,13 @@ _PATIENCE = 15.0
 @click.argument("robot")
 @click.option("--controller", default="tsm", show_default=True, help="Control law.")
 @click.option("--task", default="circle", show_default=True, help="Task of the tip.")
+@click.option(
+    "--task-option",
+    "task_options",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A parameter of the task, such as radius=0.3; repeatable.",
+)
 @click.option("--duration", type=float, default=10.0, show_default=True, help="s.")
 @click.option("--dt", type=float, default=1e-3, show_default=True, help="Sampling period, s.")
 @click.option(
@@ -70,6 +77,7 @@ def run(
     robot: str,
     controller: str,
     task: str,
+    task_options: tuple[str, ...],
     duration: float,
     dt: float,
     scenario: str,
@@ -90,13 +98,14 @@ def run(
     from mobman.model.build import load_robot
     from mobman.simulation.closed_loop import simulate
     from mobman.simulation.scenario import load_scenario
-    from mobman.tasks.task import make_task
+    from mobman.tasks.task import check_parameters, make_task
 
     speed = _speed(live_speed)
     live = live or live_speed is not None
     model = load_robot(robot)
-    law = make_controller(controller, **_gains(gains))
-    aim = make_task(task, model)
+    law = make_controller(controller, **_values(gains, "--gain"))
+    options = check_parameters(task, _values(task_options, "--task-option"))
+    aim = make_task(task, model, **options)
     resolved = load_scenario(scenario)
     if output is not None:
         _check_writable(output)
@@ -111,6 +120,7 @@ def run(
             watched = LiveRun(
                 model,
                 task,
+                task_options=options,
                 duration=seconds("duration", duration),
                 speed=speed,
                 controller=controller,
@@ -204,13 +214,14 @@ def _print(record: Any, path: Path | None) -> None:
         out.print(f"record: {path}", soft_wrap=True)
 
 
-def _gains(texts: tuple[str, ...]) -> dict[str, Any]:
-    gains: dict[str, Any] = {}
-    for name, value in map(_gain, texts):
-        if name in gains:
-            raise click.BadParameter(f"{name} is given twice", param_hint="--gain")
-        gains[name] = value
-    return gains
+def _values(texts: tuple[str, ...], option: str) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for text in texts:
+        name, value = _value(text, option)
+        if name in values:
+            raise click.BadParameter(f"{name} is given twice", param_hint=option)
+        values[name] = value
+    return values
 
 
 def _check_writable(path: Path) -> None:
@@ -235,10 +246,10 @@ def _speed(text: str | None) -> float | None:
     return speed
 
 
-def _gain(text: str) -> tuple[str, Any]:
+def _value(text: str, option: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals or not name:
-        raise click.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--gain")
+        raise click.BadParameter(f"{text!r} is not NAME=VALUE", param_hint=option)
     try:
         return name, json.loads(value)
     except json.JSONDecodeError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -14,6 +15,7 @@ from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap, task_map_for
 from mobman.registry import Registry
+from mobman.tasks.parameters import Parameter, check, declared_parameters
 
 
 @runtime_checkable
@@ -31,9 +33,13 @@ class Task(Protocol):
 
 
 class TaskFactory(Protocol):
-    """Makes a named task for a robot at its start."""
+    """Makes a named task for a robot at its start.
 
-    def __call__(self, robot: MobileManipulator, q0: Array) -> Task:
+    What its signature has beyond these two are the task's parameters, each with the values that its
+    annotation allows (:mod:`mobman.tasks.parameters`).
+    """
+
+    def __call__(self, robot: MobileManipulator, q0: Array, /) -> Task:
         """The task for ``robot`` that starts at configuration ``q0``."""
         ...
 
@@ -46,21 +52,53 @@ def list_tasks() -> list[str]:
     return tasks.names()
 
 
-def make_task(name: str, robot: MobileManipulator | str, q0: Array | None = None) -> Task:
+def make_task(
+    name: str,
+    robot: MobileManipulator | str,
+    q0: Array | None = None,
+    **parameters: Any,
+) -> Task:
     """A task by name.
 
     Args:
         name: One of :func:`list_tasks`.
         robot: Who has to do it; by name or object.
         q0: Where it starts; ``robot.q_rest`` by default.
+        **parameters: Those of the task (:func:`parameters_of`) that are not to have their defaults.
 
     Raises:
         UnknownNameError: If no task has the name.
-        UsageError: If q0 does not fit the robot.
+        UsageError: If the task has no such parameters or they no such values; if q0, or the task, does
+            not fit the robot.
     """
+    checked = check_parameters(name, parameters)
     if isinstance(robot, str):
         robot = load_robot(robot)
-    return tasks.get(name)(robot, robot.q_rest if q0 is None else robot.checked_configuration(q0))
+    start = robot.q_rest if q0 is None else robot.checked_configuration(q0)
+    return tasks.get(name)(robot, start, **checked)
+
+
+def parameters_of(name: str) -> list[Parameter]:
+    """The parameters that a named task takes.
+
+    Raises:
+        UnknownNameError: If no task has the name.
+    """
+    return list(declared_parameters(tasks.get(name)).values())
+
+
+def check_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """The parameters of a named task, checked as far as they can be without a robot.
+
+    Args:
+        name: One of :func:`list_tasks`.
+        parameters: Those that are given.
+
+    Raises:
+        UnknownNameError: If no task has the name.
+        UsageError: With everything that is wrong: unknown parameters and values that are not allowed.
+    """
+    return check(name, tasks.get(name), parameters)
 
 
 def task_steps(task: Task, t: Array, p_d: Array) -> list[Call]:
@@ -108,7 +146,9 @@ def task_parameters(task: Task) -> dict[str, Any]:
     if not dataclasses.is_dataclass(task) or isinstance(task, type):
         return {"type": type(task).__name__}
     fields = {field.name: getattr(task, field.name) for field in dataclasses.fields(task)}
-    plain = {
-        key: list(value) if isinstance(value, tuple) else value for key, value in fields.items()
-    }
-    return {"type": type(task).__name__, **plain}
+    return {"type": type(task).__name__, **{key: _plain(value) for key, value in fields.items()}}
+
+
+def _plain(value: Any) -> Any:
+    """A value with lists for tuples, as files have them."""
+    return [_plain(item) for item in value] if isinstance(value, (tuple, list)) else value

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import threading
+from collections.abc import Mapping
 from dataclasses import replace
 from time import perf_counter, sleep
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +34,7 @@ class LiveRun:
     Args:
         robot: The robot, at rest where it begins.
         task: The task's name.
+        task_options: Its parameters that are not to have their defaults.
         duration: Of the run (s).
         speed: Simulated seconds a second at most; None for as fast as it goes.
         controller: Its name, to be shown.
@@ -51,6 +54,7 @@ class LiveRun:
         robot: MobileManipulator,
         task: str,
         *,
+        task_options: Mapping[str, Any] | None = None,
         duration: float,
         speed: float | None = 1.0,
         controller: str = "",
@@ -64,7 +68,7 @@ class LiveRun:
         self._speed = speed
         self._began: float | None = None
         self._robot = load_robot(robot.spec)
-        self._task = make_task(task, self._robot)
+        self._task = make_task(task, self._robot, **(task_options or {}))
         self._samples: list[tuple[float, Array, Array, Array]] = []
         self._asked = threading.Event()
         self._whole: str | None = None

@@ -7,6 +7,7 @@ Tables of what the code declares stand between ``<!-- table: NAME -->`` and ``<!
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 import subprocess
 import sys
@@ -24,7 +25,7 @@ from mobman.resources import resource_folder
 from mobman.simulation.disturbances.disturbance import disturbances
 from mobman.simulation.metrics.metric import list_metrics
 from mobman.simulation.scenario import Scenario
-from mobman.tasks.task import list_tasks
+from mobman.tasks.task import list_tasks, parameters_of
 from mobman.toml_model import Strict
 
 ROOT = Path(__file__).parents[2]
@@ -39,6 +40,17 @@ OWN_CONTROLLERS = [
     "tsm",
     "tsm-inverse-actuation",
     "tsm-simplified",
+]
+OWN_TASKS = [
+    "paper",
+    "circle",
+    "figure-eight",
+    "ellipse",
+    "square",
+    "lissajous",
+    "line",
+    "kinematic-singularity",
+    "algorithmic-singularity",
 ]
 PYTHON = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
@@ -89,7 +101,26 @@ def scenarios_table(_: str = "") -> str:
     return _table(("scenario", "what it does"), rows)
 
 
-GENERATED = {"gains": gains_table, "robots": robots_table, "scenarios": scenarios_table}
+def tasks_table(_: str = "") -> str:
+    """The tasks that come with mobman, with their parameters."""
+    rows = []
+    for name in OWN_TASKS:
+        parameters = parameters_of(name)
+        for item in parameters:
+            default = "by the robot" if item.default is None else f"`{json.dumps(item.default)}`"
+            task = f"`{name}`" if item is parameters[0] else ""
+            rows.append((task, f"`{item.name}`", default, item.unit, _plain(item.meaning)))
+        if not parameters:
+            rows.append((f"`{name}`", "none", "", "", ""))
+    return _table(("task", "parameter", "default", "unit", "meaning"), rows)
+
+
+GENERATED = {
+    "gains": gains_table,
+    "robots": robots_table,
+    "scenarios": scenarios_table,
+    "tasks": tasks_table,
+}
 
 
 def generated(title: str) -> str:
@@ -208,9 +239,8 @@ def test_every_robot_scenario_task_and_disturbance_is_named():
     scenarios = DOCS / "scenarios.md"
     assert sorted(_first_cells(scenarios, "Fields")) == sorted(Scenario.model_fields)
     assert sorted(_first_cells(scenarios, "Disturbances")) == disturbances.names()
-    tasks = _first_cells(DOCS / "controllers.md", "Tasks")
-    assert set(tasks) <= set(list_tasks())
-    assert {"paper", "circle"} <= set(tasks)
+    assert _first_cells(DOCS / "tasks.md", "Paths") == OWN_TASKS
+    assert set(OWN_TASKS) <= set(list_tasks())
 
 
 @pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: page.stem)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from mobman.arrays import Array, Matrix, Vector
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.parameters import NOT_ZERO, parameter
 from mobman.tasks.task import tasks
 
 _RADIUS = 0.5  # m
@@ -78,7 +80,22 @@ def paper_circle(robot: MobileManipulator, q0: Array) -> Circle:
     return Circle(centre=(2.0, 3.0, 0.35), radius=1.0, rate=1.0, name="paper")
 
 
-def circle_near_tip(robot: MobileManipulator, q0: Array) -> Circle:
+def circle_near_tip(
+    robot: MobileManipulator,
+    q0: Array,
+    *,
+    radius: Annotated[
+        float | None,
+        parameter(
+            "m", "radius; 0.5 m, on a fixed base 0.15 times the tip's distance from it", gt=0
+        ),
+    ] = None,
+    rate: Annotated[float, parameter("rad/s", "positive for anticlockwise"), NOT_ZERO] = _RATE,
+    gap: Annotated[
+        float | None,
+        parameter("m", "from the tip to the path; 0.1 m, on a fixed base 0.2 radii", ge=0),
+    ] = None,
+) -> Circle:
     """A horizontal circle at the height of the tip at q0, 0.5 rad/s.
 
     On a platform that drives, 1 m in diameter: it starts 0.1 m ahead of the tip and first runs along
@@ -87,24 +104,36 @@ def circle_near_tip(robot: MobileManipulator, q0: Array) -> Circle:
     """
     tip = np.asarray(robot.tip_pose(q0).translation)
     if "base_x" not in robot.joint_names:
-        return _circle_before_base(robot, q0, tip)
+        return _circle_before_base(robot, q0, tip, radius, rate, gap)
+    radius = _RADIUS if radius is None else radius
+    gap = _GAP if gap is None else gap
     heading = float(q0[robot.joint_names.index("base_theta")])
+    side = math.copysign(1.0, rate)  # the centre is on the left of one who goes anticlockwise
     ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
     left = np.array([-math.sin(heading), math.cos(heading), 0.0])
-    return _horizontal(tip + _GAP * ahead + _RADIUS * left, _RADIUS, heading - 0.5 * math.pi)
+    centre = tip + gap * ahead + side * radius * left
+    return _horizontal(centre, radius, rate, heading - side * 0.5 * math.pi)
 
 
-def _circle_before_base(robot: MobileManipulator, q0: Array, tip: Array) -> Circle:
+def _circle_before_base(
+    robot: MobileManipulator,
+    q0: Array,
+    tip: Array,
+    radius: float | None,
+    rate: float,
+    gap: float | None,
+) -> Circle:
     arm = tip - robot.arm_origin(q0)
     outward = math.atan2(arm[1], arm[0])
-    radius = _SHARE_OF_REACH * float(np.linalg.norm(arm))
+    radius = _SHARE_OF_REACH * float(np.linalg.norm(arm)) if radius is None else radius
+    share = _SHARE_OF_RADIUS if gap is None else gap / radius
     inward = -np.array([math.cos(outward), math.sin(outward), 0.0])
-    return _horizontal(tip + (1.0 + _SHARE_OF_RADIUS) * radius * inward, radius, outward)
+    return _horizontal(tip + (1.0 + share) * radius * inward, radius, rate, outward)
 
 
-def _horizontal(centre: Array, radius: float, phase: float) -> Circle:
+def _horizontal(centre: Array, radius: float, rate: float, phase: float) -> Circle:
     x, y, z = (float(coordinate) for coordinate in centre)
-    return Circle(centre=(x, y, z), radius=radius, rate=_RATE, phase=phase)
+    return Circle(centre=(x, y, z), radius=radius, rate=rate, phase=phase)
 
 
 tasks.register("paper", paper_circle)

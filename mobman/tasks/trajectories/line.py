@@ -1,0 +1,53 @@
+"""There and back along a straight line, from rest to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.errors import UsageError
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.parameters import parameter
+from mobman.tasks.paths.excursion import PAUSE, TRAVEL, Pause, Travel, excursion
+from mobman.tasks.paths.placement import place_of
+from mobman.tasks.paths.point_to_point import PointToPoint
+from mobman.tasks.task import tasks
+
+
+def line(
+    robot: MobileManipulator,
+    q0: Array,
+    *,
+    displacement: Annotated[
+        Sequence[float] | None,
+        parameter(
+            "m",
+            "ahead, left and up; 1 m ahead, on a fixed base 0.3 times the tip's distance towards it",
+            min_length=3,
+            max_length=3,
+        ),
+    ] = None,
+    travel: Travel = TRAVEL,
+    pause: Pause = PAUSE,
+    returns: Annotated[bool, parameter("1", "whether it goes back, and again and again")] = True,
+) -> PointToPoint:
+    """From the tip at q0 to another point and back, at rest at both.
+
+    Raises:
+        UsageError: If there is no way to go.
+    """
+    place = place_of(robot, q0)
+    if displacement is None:
+        displacement = (2.0 * place.size if place.drives else -2.0 * place.size, 0.0, 0.0)
+    if not np.any(displacement):
+        raise UsageError(
+            "task 'line': parameter 'displacement' (m) must not be 0 in all directions"
+        )
+    way = np.array(displacement, dtype=float) @ np.array([place.ahead, place.left, place.up])
+    return excursion("line", [place.tip, place.tip + way], travel, pause, returns=returns)
+
+
+tasks.register("line", line)
