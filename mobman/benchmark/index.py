@@ -63,10 +63,10 @@ def _fill(file: h5py.File, rows: Sequence[tuple[RunSpec, RecordSummary]]) -> Non
     }
     for name, values in columns.items():
         table.create_dataset(name, data=values, dtype=text)
-    numbers = {"seed": int, "dt": float, "duration": float}
+    numbers: dict[str, type] = {"seed": int, "dt": float, "duration": float}
     for name, kind in numbers.items():
-        values = np.array([getattr(run, name) for run, _ in rows], dtype=kind)
-        table.create_dataset(name, data=values)
+        column = np.array([getattr(run, name) for run, _ in rows], dtype=kind)
+        table.create_dataset(name, data=column)
     metrics = table.create_group("metrics")
     for name in sorted({name for _, record in rows for name in record.metrics}):
         metrics.create_dataset(

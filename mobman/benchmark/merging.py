@@ -74,9 +74,9 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
             if old.state_sha256 != new.state_sha256:
                 conflicts.append(f"{run}: {target.path(run)} and {source.path(run)} differ")
         for failure in source.failures:
-            run = runs.get(failure.run_id)
-            if run is not None and not target.done(run):
-                target.fail(run, failure.reason)
+            lost = runs.get(failure.run_id)
+            if lost is not None and not target.done(lost):
+                target.fail(lost, failure.reason)
     seconds = [manifest.seconds for manifest in manifests if manifest.seconds is not None]
     workers = [manifest.workers for manifest in manifests if manifest.workers is not None]
     before = target.manifest

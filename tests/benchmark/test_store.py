@@ -1,0 +1,273 @@
+"""Folders of results: what is kept, what is told of files that cannot be used, and joining them."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from pathlib import Path
+
+import h5py
+import pytest
+from click.testing import CliRunner
+from support.suites import small_suite
+
+import mobman as mm
+from mobman.benchmark.manifest import read_manifest
+from mobman.benchmark.merging import merge
+from mobman.benchmark.store import Store
+from mobman.benchmark.suite import load_suite
+from mobman.cli.main import mobman as command
+from mobman.errors import MobmanError
+from mobman.simulation.scenario import Scenario
+
+
+@pytest.fixture(scope="module")
+def suite(tmp_path_factory):
+    return load_suite(small_suite(tmp_path_factory.mktemp("suite")))
+
+
+@pytest.fixture(scope="module")
+def runs(suite):
+    return suite.runs()
+
+
+@pytest.fixture(scope="module")
+def contents(runs):
+    """The file of every run."""
+    return {run.run_id: record_of(run).to_bytes() for run in runs}
+
+
+def record_of(run, *, seed=None):
+    return mm.simulate(
+        run.robot,
+        mm.make_controller(run.law, **run.gains),
+        run.task_name,
+        duration=run.duration,
+        dt=run.dt,
+        scenario=Scenario.model_validate(run.scenario),
+        seed=run.seed if seed is None else seed,
+    )
+
+
+def filled(folder, suite, runs, contents, which=slice(None)):
+    store = Store(folder)
+    store.begin(suite, runs)
+    for run in runs[which]:
+        store.keep(run, contents[run.run_id])
+    return store
+
+
+def test_what_was_asked_for_is_read_back(tmp_path, suite, runs):
+    Store(tmp_path).begin(suite, runs)
+    manifest = read_manifest(tmp_path)
+    assert manifest.suite == suite
+    assert manifest.runs == tuple(runs)
+    assert [run.run_id for run in manifest.runs] == [run.run_id for run in runs]
+
+
+def test_tables_that_runs_share_are_kept_once(tmp_path, suite, runs):
+    Store(tmp_path).begin(suite, runs)
+    text = (tmp_path / "suite.json").read_text()
+    assert text.count('"disturbances": [{') == 1
+    first, second = read_manifest(tmp_path).runs[:2]
+    assert first.scenario is second.scenario
+
+
+def test_a_result_removes_the_failure_of_the_run(tmp_path, suite, runs, contents):
+    store = filled(tmp_path, suite, runs, contents, slice(0))
+    store.fail(runs[0], "its process was killed")
+    assert [(f.run_id, f.reason) for f in store.failures] == [
+        (runs[0].run_id, "its process was killed")
+    ]
+    assert not store.done(runs[0])
+    store.keep(runs[0], contents[runs[0].run_id])
+    assert store.done(runs[0])
+    assert not store.failures
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda path: path.write_bytes(path.read_bytes()[:2000]), "not a readable HDF5 file"),
+        (lambda path: path.write_bytes(b""), "not a readable HDF5 file"),
+        (lambda path: path.write_text("foreign"), "not a readable HDF5 file"),
+        (lambda path: _foreign(path), "not a mobman record"),
+        (lambda path: _older(path), "schema version 1"),
+    ],
+)
+def test_files_that_cannot_be_used_are_told_and_the_others_are_used(
+    tmp_path, suite, runs, contents, spoil, message
+):
+    store = filled(tmp_path, suite, runs, contents)
+    victim = store.path(runs[2])
+    spoil(victim)
+    assert [run for run in runs if not store.done(run)] == [runs[2]]
+    (told,) = store.unreadable(runs)
+    assert message in told
+    assert str(victim) in told
+    with h5py.File(store.rebuild_index()) as index:
+        assert len(index["runs"]) == len(runs) - 1
+
+
+def _foreign(path: Path) -> None:
+    path.unlink()
+    with h5py.File(path, "w") as file:
+        file["x"] = [1.0]
+
+
+def _older(path: Path) -> None:
+    with h5py.File(path, "a") as file:
+        file.attrs["schema_version"] = 1
+
+
+def test_files_that_were_not_asked_for_are_left_alone_and_listed(tmp_path, suite, runs, contents):
+    store = filled(tmp_path, suite, runs, contents)
+    stranger = tmp_path / "runs" / "notes.txt"
+    stranger.write_text("mine")
+    store.begin(suite, runs)
+    assert store.strangers() == [stranger]
+    assert stranger.read_text() == "mine"
+
+
+def test_another_suites_folder_is_refused(tmp_path, suite, runs):
+    Store(tmp_path).begin(suite, runs)
+    other = suite.model_copy(update={"name": "other"})
+    with pytest.raises(MobmanError, match="holds results of the suite 'small', not of 'other'"):
+        Store(tmp_path).begin(other, runs)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "cannot read"),
+        ("[]", "schema version None"),
+        ('{"schema_version": 1}', "schema version 1; this mobman reads version 2"),
+        ('{"schema_version": 2}', "is not whole"),
+        ('{"schema_version": 2, "suite": {}, "runs": [{}], "shared": []}', "is not whole"),
+    ],
+)
+def test_a_spoilt_manifest_is_told_plainly(tmp_path, content, message):
+    (tmp_path / "suite.json").write_text(content)
+    with pytest.raises(MobmanError, match=message) as error:
+        read_manifest(tmp_path)
+    assert "suite.json" in str(error.value)
+
+
+def test_a_full_disk_leaves_nothing_half_written(tmp_path, suite, runs, contents, monkeypatch):
+    store = filled(tmp_path, suite, runs, contents, slice(1))
+
+    def full(path, content):
+        with open(path, "wb") as file:
+            file.write(content[:100])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(MobmanError, match="No space left on device"):
+        store.keep(runs[1], contents[runs[1].run_id])
+    monkeypatch.undo()
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == [store.path(runs[0]).name]
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path, suite, runs):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(MobmanError, match=r"cannot write to .*file"):
+        Store(tmp_path / "file" / "results").begin(suite, runs)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_folder_is_told(tmp_path, suite, runs):
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(MobmanError, match="cannot write to"):
+            Store(tmp_path).begin(suite, runs)
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_folders_of_several_machines_are_joined(tmp_path, suite, runs, contents):
+    one = filled(tmp_path / "one", suite, runs, contents, slice(0, 5))
+    two = filled(tmp_path / "two", suite, runs, contents, slice(3, 8))
+    two.finish(3.0, 2)
+    one.finish(4.0, 1)
+    result = CliRunner().invoke(
+        command, ["bench", "merge", str(one.folder), str(two.folder), "-o", str(tmp_path / "all")]
+    )
+    assert result.exit_code == 0, result.output
+    assert "8 of 8 runs, 8 copied" in result.output
+    joined = Store(tmp_path / "all")
+    for run in runs:
+        assert joined.path(run).read_bytes() == contents[run.run_id]
+    assert (joined.manifest.seconds, joined.manifest.workers) == (7.0, 3)
+    with h5py.File(tmp_path / "all" / "index.h5") as index:
+        assert [name.decode() for name in index["table/run_id"][()]] == [r.run_id for r in runs]
+
+
+def test_what_is_joined_again_changes_nothing(tmp_path, suite, runs, contents):
+    one = filled(tmp_path / "one", suite, runs, contents)
+    assert merge([one.folder], tmp_path / "all").copied == 8
+    again = merge([one.folder], tmp_path / "all")
+    assert (again.copied, again.there, again.conflicts) == (0, 8, [])
+
+
+def test_different_results_of_one_run_are_told_and_the_first_is_kept(
+    tmp_path, suite, runs, contents
+):
+    one = filled(tmp_path / "one", suite, runs, contents)
+    two = filled(tmp_path / "two", suite, runs, contents)
+    disturbed = next(run for run in runs if run.scenario["name"] == "disturbed")
+    two.keep(disturbed, record_of(disturbed, seed=7).to_bytes())
+    result = CliRunner().invoke(
+        command, ["bench", "merge", str(one.folder), str(two.folder), "-o", str(tmp_path / "all")]
+    )
+    assert result.exit_code == 1
+    assert "conflict, the first is kept" in result.output
+    joined = Store(tmp_path / "all")
+    assert joined.path(disturbed).read_bytes() == contents[disturbed.run_id]
+
+
+def test_unusable_records_are_left_out_and_told(tmp_path, suite, runs, contents):
+    one = filled(tmp_path / "one", suite, runs, contents)
+    one.path(runs[0]).write_bytes(b"spoilt")
+    merged = merge([one.folder], tmp_path / "all")
+    assert merged.there == 7
+    assert len(merged.unusable) == 1
+    assert str(one.path(runs[0])) in merged.unusable[0]
+
+
+def test_failures_are_joined_where_no_folder_has_the_result(tmp_path, suite, runs, contents):
+    one = filled(tmp_path / "one", suite, runs, contents, slice(0, 6))
+    two = filled(tmp_path / "two", suite, runs, contents, slice(0, 0))
+    two.fail(runs[0], "killed")
+    two.fail(runs[7], "killed, too")
+    merge([one.folder, two.folder], tmp_path / "all")
+    failures = Store(tmp_path / "all").failures
+    assert [(failure.run_id, failure.reason) for failure in failures] == [
+        (runs[7].run_id, "killed, too")
+    ]
+
+
+def test_other_suites_are_not_joined(tmp_path, suite, runs, contents):
+    one = filled(tmp_path / "one", suite, runs, contents)
+    other = suite.model_copy(update={"name": "other"})
+    two = filled(tmp_path / "two", other, runs, contents)
+    with pytest.raises(MobmanError, match="results of different suites: 'small' in"):
+        merge([one.folder, two.folder], tmp_path / "all")
+    assert not (tmp_path / "all").exists()
+
+
+def test_an_unreadable_failure_is_still_a_failure(tmp_path, suite, runs, contents):
+    store = filled(tmp_path, suite, runs, contents, slice(0, 0))
+    (tmp_path / "failures" / f"{runs[0].run_id}.json").write_text("{")
+    (failure,) = store.failures
+    assert "not readable" in failure.reason
+
+
+def test_what_the_suite_asked_for_survives_other_seeds(tmp_path, suite, runs, contents):
+    """A folder of fewer seeds, asked for more: what is there still counts."""
+    filled(tmp_path, suite, runs, contents)
+    more = suite.model_copy(update={"seeds": [0, 1, 2]})
+    store = Store(tmp_path)
+    store.begin(more, more.runs())
+    assert sum(store.done(run) for run in more.runs()) == 8
+    assert len(json.loads((tmp_path / "suite.json").read_text())["runs"]) == 12
