@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -65,7 +66,7 @@ def _fill(file: h5py.File, rows: Sequence[tuple[RunSpec, RecordSummary]]) -> Non
         table.create_dataset(name, data=values, dtype=text)
     numbers: dict[str, type] = {"seed": int, "dt": float, "duration": float}
     for name, kind in numbers.items():
-        column = np.array([getattr(run, name) for run, _ in rows], dtype=kind)
+        column: Any = np.array([getattr(run, name) for run, _ in rows], dtype=kind)
         table.create_dataset(name, data=column)
     metrics = table.create_group("metrics")
     for name in sorted({name for _, record in rows for name in record.metrics}):

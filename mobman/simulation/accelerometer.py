@@ -2,33 +2,46 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from typing import Any
 
 from mobman.arrays import Array
+from mobman.simulation.differentiators.differentiator import Estimate, differentiators
+from mobman.simulation.pieces import Source
+
+
+class AccelerationSource(Source):
+    """A way to know z', with its parameters."""
+
+    group, what, kinds = "acceleration", "acceleration", differentiators
 
 
 class Accelerometer:
     """z' as a scenario lets the controller know it.
 
     Args:
-        mode: ``"exact"``, the true z' under the torque held until now, or
-            ``"backward-difference"``, (z_k - z_(k-1))/dt, 0 at the first tick.
+        source: The way to know it; one without parameters by its name alone.
         dt: Sampling period (s).
+        names: Of the components of z; needed for parameters that are lists.
+
+    Raises:
+        UnknownNameError: If there is no such way.
+        SpecError: If a parameter is wrong.
     """
 
-    def __init__(self, mode: str, dt: float) -> None:
-        self._exact = mode == "exact"
-        self._dt = dt
-        self._last: Array | None = None
+    def __init__(
+        self, source: str | AccelerationSource, dt: float, names: Sequence[str] = ()
+    ) -> None:
+        if isinstance(source, str):
+            source = AccelerationSource(type=source)
+        piece: Any = source.resolved()
+        self._estimate: Estimate = piece.start(list(names), dt)
 
     def measure(self, z: Array, true: Array) -> Array:
-        """z' at a tick, shape (nz,).
+        """z' at a tick, shape (nz,); to be called once at every tick.
 
         Args:
             z: Measured reduced velocity, shape (nz,).
             true: The true z', shape (nz,).
         """
-        if self._exact:
-            return true.copy()
-        last, self._last = self._last, z.copy()
-        return np.zeros_like(z) if last is None else (z - last) / self._dt
+        return self._estimate(z, true)

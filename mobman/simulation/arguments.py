@@ -10,7 +10,6 @@ import numpy as np
 from mobman.controllers.protocol import Controller, make_controller
 from mobman.errors import UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.plant import true_robot
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 
 _MOST_TICKS = 10_000_000  # a record of so many fits in memory
@@ -92,12 +91,20 @@ def resolved_plant(
     robot: MobileManipulator,
     plant: MobileManipulator | Scenario | str | os.PathLike[str] | None,
     scenario: Scenario,
+    random: np.random.Generator,
 ) -> MobileManipulator:
     """The true robot: the nominal one, or the one given, with the scenario's masses and payload.
+
+    Args:
+        robot: The nominal robot.
+        plant: As it was given.
+        scenario: Whose masses and payload it has, if ``plant`` is no other scenario.
+        random: The run's generator.
 
     Raises:
         UnknownNameError: If a plant is named that is no scenario.
         UsageError: If it has other joints, or is nothing of the kind.
+        SpecError: If a piece of the scenario does not fit the robot.
     """
     base, changes = robot, scenario
     if isinstance(plant, MobileManipulator):
@@ -115,7 +122,7 @@ def resolved_plant(
         raise UsageError(
             f"plant = {plant!r}: must be a robot, a scenario, a scenario's name or its file"
         )
-    return true_robot(base, changes.mass_factor, changes.inertia_factor, changes.payload)
+    return changes.true_robot(base, random)
 
 
 def plant_name(plant: MobileManipulator | Scenario | str | os.PathLike[str] | None) -> str | None:

@@ -23,7 +23,7 @@ from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.extended_kernels import GAUGE_LOST, SINGULAR
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
-from mobman.simulation.accelerometer import Accelerometer
+from mobman.simulation.actuation.chain import ActuationChain
 from mobman.simulation.arguments import (
     checked_seed,
     resolved_controller,
@@ -36,6 +36,7 @@ from mobman.simulation.asked.robot import urdf_asked
 from mobman.simulation.asked.run import run_asked
 from mobman.simulation.divergence import divergence_reason, divergence_step
 from mobman.simulation.integrator import RungeKutta
+from mobman.simulation.measurement import Measurement
 from mobman.simulation.metrics.metric import Run, compute_metrics
 from mobman.simulation.plant import Plant, require_success
 from mobman.simulation.provenance import versions
@@ -46,6 +47,9 @@ from mobman.tasks.criteria.posture import Posture
 from mobman.tasks.task import Task, make_task, task_map_of, task_steps
 
 _LARGEST_STEP = 1e-3  # s: the plant's integration step is at most this
+
+APPLIED = "torque_applied"
+"""The signal of the torque that acts, where the scenario's actuation makes it another one."""
 
 Observer = Callable[[float, Array, Array, Array], None]
 """Is given t (s), q, z and the torque at a tick; the arrays are its own."""
@@ -104,20 +108,21 @@ def simulate(
     start = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
     task = make_task(task, robot, start) if isinstance(task, str) else task
     resolved = resolved_scenario(scenario)
-    true = resolved_plant(robot, plant, resolved)
+    random = np.random.default_rng(seed)
+    true = resolved_plant(robot, plant, resolved, random)
     task_map = task_map_of(task)
     if robot.nz < task_map.m:
         raise UsageError(
             f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {task_map.m}"
         )
-    random = np.random.default_rng(seed)
     loop = _Loop(
         robot=robot,
         controller=controller,
         task=task,
         task_map=task_map,
-        plant=Plant(true, resolved.disturbance(robot.motor_inertia(robot.q_rest), random)),
-        accelerometer=Accelerometer(resolved.acceleration, dt),
+        plant=resolved.plant(robot, true, random),
+        measurement=resolved.measurement(robot, dt, random),
+        actuation=resolved.actuation_chain(robot, dt, random),
         q0=start,
         ticks=ticks,
         dt=dt,
@@ -159,7 +164,8 @@ class _Loop:
         task: Task,
         task_map: TaskMap,
         plant: Plant,
-        accelerometer: Accelerometer,
+        measurement: Measurement,
+        actuation: ActuationChain | None,
         q0: Array,
         ticks: int,
         dt: float,
@@ -168,18 +174,24 @@ class _Loop:
         stride: int,
     ) -> None:
         self.robot, self.controller, self.task = robot, controller, task
-        self.task_map, self.plant, self.accelerometer = task_map, plant, accelerometer
+        self.task_map, self.plant, self.measurement = task_map, plant, measurement
         self.ticks, self.dt, self.progress = ticks, dt, progress
         self.observe, self.stride = observe, stride
-        self.substeps = max(1, math.ceil(dt / _LARGEST_STEP - 1e-9))
+        self.substeps = _steps_of(dt)
+        plant.require_followed(q0, dt / self.substeps)
         self.samples = Samples(ticks + 1, plant.robot, task_map.m)
         self.state = RungeKutta(plant, q0, np.zeros(robot.nz), dt / self.substeps)
+        self.actuation = actuation
+        self.command = plant.v if actuation is None else np.zeros(robot.nz)
+        if actuation is not None:
+            self.samples.keep_applied()
         self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
         self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
         self._look = program(self._looking())
         self._evaluation = [
             *self._looking(),
             *plant.dynamics_steps(),
+            *plant.friction_steps(),
             plant.acceleration_step(self._z_dot, np.zeros(1)),
         ]
         self._runs_away = program(
@@ -190,6 +202,10 @@ class _Loop:
     def _looking(self) -> list[Call]:
         """The steps that keep a row of the state, or report why it counts as diverged."""
         now, samples, p_d = self.plant.now, self.samples, np.zeros((4, self.task_map.m))
+        q_dot, moving = now.q_dot, []
+        if self.plant.slips:
+            q_dot = np.zeros_like(now.q_dot)
+            moving = self.plant.motion_steps(q_dot)
         return [
             *now.tip_steps(),
             *now.constraint_steps(),
@@ -200,7 +216,8 @@ class _Loop:
                 *(samples.q, samples.z, samples.tip, samples.desired),
             ),
             divergence_step(now.q, now.z, now.tip, p_d),
-            call(largest_residual, now.A, now.q_dot, self._residual),
+            *moving,
+            call(largest_residual, now.A, q_dot, self._residual),
         ]
 
     def run(self) -> Samples:
@@ -244,9 +261,9 @@ class _Loop:
         # local names, since these run at every tick
         samples, plant, now = self.samples, self.plant, self.plant.now
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
-        run_all, measure, step = now.run_all, self.accelerometer.measure, self.controller.step
-        q, z, z_dot, v, compute_time = now.q, now.z, self._z_dot, plant.v, samples.compute_time
-        keep_row, integrate, shape, double = self._keep, self._integrate, v.shape, v.dtype
+        run_all, measure, step = now.run_all, self.measurement.take, self.controller.step
+        q, z, z_dot, v, compute_time = now.q, now.z, self._z_dot, self.command, samples.compute_time
+        keep_row, integrate, shape, double = self._keep, self._integrator(), v.shape, v.dtype
         every = max(1, ticks // 100)
         observe, stride = self.observe, self.stride
         for tick in range(ticks + 1):
@@ -258,8 +275,7 @@ class _Loop:
                 plant.disturb(t)
             if (status := self._evaluate()) and self._ends(t, status):
                 return
-            measured = measure(z, z_dot)
-            q_now, z_now = q.copy(), z.copy()
+            q_now, z_now, measured = measure(q, z, z_dot)
             started = perf_counter()
             torque = step(t, q_now, z_now, measured)
             compute_time[tick] = perf_counter() - started
@@ -269,6 +285,8 @@ class _Loop:
             if keep_row():
                 self._diverged(t, "the controller's torque is not finite")
                 return
+            if self.actuation is not None:
+                self._actuate(self.actuation, tick)
             if self._signals is not dict:
                 self._keep_signals(tick)
             if observe is not None and tick % stride == 0:
@@ -305,20 +323,55 @@ class _Loop:
         except SingularityError:
             self._evaluate = program(self._evaluation)
 
+    def _actuate(self, actuation: ActuationChain, tick: int) -> None:
+        """From the command to what acts on the plant."""
+        actuation.take(self.command)
+        samples = self.samples
+        if samples.applied is not None and samples.limited is not None:
+            samples.applied[tick] = actuation.mean()
+            samples.limited[tick] = actuation.limited
+        # at the last tick and where torques arrive at ticks, there is nothing before it arrives
+        self.plant.v[:] = actuation.early
+
+    def _integrator(self) -> Callable[[float], None]:
+        """:meth:`_integrate`; in two parts, if torques arrive between ticks."""
+        actuation = self.actuation
+        if actuation is None or not actuation.split:
+            return self._integrate
+        first, second = actuation.split * self.dt, (1.0 - actuation.split) * self.dt
+        steps = _steps_of(first), _steps_of(second)
+        before, after = self.state.of_step(first / steps[0]), self.state.of_step(second / steps[1])
+
+        def to_the_next(t: float) -> None:
+            self._advance(before, t, first, steps[0])
+            if self.samples.status == "ok":
+                self.plant.v[:] = actuation.late
+                self._advance(after, t + first, second, steps[1], evaluated=False)
+
+        return to_the_next
+
     def _integrate(self, t: float) -> None:
         """To the next tick."""
+        self._advance(self.state, t, self.dt, self.substeps)
+
+    def _advance(
+        self, state: RungeKutta, t: float, length: float, steps: int, evaluated: bool = True
+    ) -> None:
+        """From t on in so many steps; the dynamics are evaluated at the state already, or not."""
         now = self.plant.now
         try:
-            self.state.step(t)
-            for substep in range(1, self.substeps):
-                later = t + substep * self.dt / self.substeps
-                self.state.evaluate(later)
-                self.state.step(later)
+            if not evaluated:
+                state.evaluate(t)
+            state.step(t)
+            for substep in range(1, steps):
+                later = t + substep * length / steps
+                state.evaluate(later)
+                state.step(later)
         except SingularityError:
             # far and fast enough, rounding makes M indefinite before anything overflows
             if (reason := divergence_reason(self._runs_away(), now.z, np.zeros(3))) is None:
                 raise
-            self._diverged(t + self.dt, reason)
+            self._diverged(t + length, reason)
 
     def _diverged(self, t: float, reason: str) -> None:
         self.samples.status, self.samples.message = "diverged", f"at t = {t:.6g} s: {reason}"
@@ -330,14 +383,14 @@ class _Loop:
     def _rows_of(self, name: str, shape: tuple[int, ...]) -> Array:
         kept = self.samples.signals
         if name not in kept:
-            if name.split("/")[0] in OWN_PLACES:
+            if name.split("/")[0] in {*OWN_PLACES, APPLIED}:
                 raise UsageError(f"the signal {name!r} has the name of a record's own part")
             kept[name] = np.full((self.ticks + 1, *shape), np.nan)
         return kept[name]
 
     def _keeping(self) -> list[Call]:
         """The steps that keep a row of the torque and of the signals that are overwritten in place."""
-        steps = [call(keep_finite, self._tick, self.plant.v, self.samples.torque)]
+        steps = [call(keep_finite, self._tick, self.command, self.samples.torque)]
         if getattr(self.controller, "signals_in_place", False):
             for name, value in self._signals().items():
                 rows = self._rows_of(name, value.shape)
@@ -361,7 +414,7 @@ class _Loop:
             t=t,
             q=q,
             z=z,
-            torque=samples.torque[:n],
+            torque=(samples.torque if samples.applied is None else samples.applied)[:n],
             task_error=task_error,
             auxiliary_error=auxiliary,
             compute_time=samples.compute_time[:n],
@@ -372,19 +425,23 @@ class _Loop:
             task=self.task,
             task_map=self.task_map,
             criterion=criterion,
+            limited=None if samples.limited is None else samples.limited[:n],
         )
         settings: dict[str, Any] = getattr(self.controller, "settings", dict)()
+        signals = {name: values[:n] for name, values in samples.signals.items()}
+        if samples.applied is not None:
+            signals[APPLIED] = run.torque
         return Record(
             t=t,
             q=q,
             z=z,
-            torque=run.torque,
+            torque=samples.torque[:n],
             tip_position=samples.tip[:n],
             tip_desired=samples.desired[:n],
             task_error=task_error,
             auxiliary_error=auxiliary,
             compute_time=run.compute_time,
-            signals={name: values[:n] for name, values in samples.signals.items()},
+            signals=signals,
             metrics=compute_metrics(run),
             status=samples.status,
             message=samples.message,
@@ -401,6 +458,11 @@ class _Loop:
             joint_names=list(self.robot.joint_names),
             velocity_names=list(self.robot.velocity_names),
         )
+
+
+def _steps_of(length: float) -> int:
+    """Number of integration steps in so many seconds."""
+    return max(1, math.ceil(length / _LARGEST_STEP - 1e-9))
 
 
 def _criterion_of(controller: Controller, robot: MobileManipulator) -> Criterion:

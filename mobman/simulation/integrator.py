@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
-from mobman.kernels.dense import copy
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Program, call, program
 from mobman.simulation.plant import Plant, require_success
@@ -30,19 +31,33 @@ class RungeKutta:
 
     def __init__(self, plant: Plant, q: Array, z: Array, h: float) -> None:
         self.plant = plant
-        self._h = float(h)
-        self.work = np.zeros(1)
         now, robot = plant.now, plant.robot
         now.q[:] = q
         now.z[:] = z
-        q_0, z_0 = now.q.copy(), now.z.copy()
-        q_slopes, z_slopes = np.zeros((4, robot.nq)), np.zeros((4, robot.nz))
-        power = np.zeros((4, 1))
+        self.work = np.zeros(1)
+        self._start = now.q.copy(), now.z.copy()
+        self._slopes = np.zeros((4, robot.nq)), np.zeros((4, robot.nz)), np.zeros((4, 1))
+        self._run_dynamics = now.run_dynamics
+        self._dynamics = program(plant.dynamics_steps())
+        self._set_step(h)
+        program(now.velocity_steps())()
+
+    def of_step(self, h: float) -> RungeKutta:
+        """Another one on the same state, with steps of h (s)."""
+        other = copy(self)
+        other._set_step(h)
+        return other
+
+    def _set_step(self, h: float) -> None:
+        self._h = float(h)
+        plant, now = self.plant, self.plant.now
+        (q_0, z_0), (q_slopes, z_slopes, power) = self._start, self._slopes
         stages: list[Program] = []
         for i, fraction in enumerate((0.5, 0.5, 1.0, 0.0)):
             slopes = [
+                *plant.friction_steps(),
                 plant.acceleration_step(z_slopes[i], power[i]),
-                call(copy, now.q_dot, q_slopes[i]),
+                *plant.motion_steps(q_slopes[i]),
             ]
             to_the_next = (
                 call(_go, q_0, z_0, q_slopes[i], z_slopes[i], fraction * self._h, now.q, now.z)
@@ -56,9 +71,6 @@ class RungeKutta:
             dynamics = plant.dynamics_steps() if i else []
             stages.append(program([*dynamics, *slopes, to_the_next, *now.velocity_steps()]))
         self._stages = stages
-        self._run_dynamics = now.run_dynamics
-        self._dynamics = program(plant.dynamics_steps())
-        program(now.velocity_steps())()
 
     def evaluate(self, t: float) -> None:
         """Evaluate the dynamics at the state and the time t (s).

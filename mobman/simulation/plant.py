@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array, Matrix, Vector
-from mobman.errors import SingularityError
+from mobman.errors import SingularityError, SpecError
 from mobman.kernels import cholesky
-from mobman.kernels.dense import apply, dot
+from mobman.kernels.dense import apply, copy, dot
 from mobman.kernels.kernel import kernel
-from mobman.kernels.program import Call, call, program
+from mobman.kernels.program import Call, Program, call, program
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.workspace import Workspace
 from mobman.simulation.disturbances.disturbance import Torque
+from mobman.simulation.friction.friction import Resistance, rate_step
+from mobman.simulation.sensors.sensor import pose_index
+from mobman.simulation.slip.slip import add_step, begin_step
 
 _factor, _solve = cholesky.factor, cholesky.solve
+
+_LARGEST_DECAY = 2.5
+"""What Runge-Kutta's step may be at most, in time constants of the friction; it is stable to 2.78."""
 
 NOT_DEFINITE = 3
 """Status: the plant's inertia is not positive definite."""
@@ -34,6 +41,8 @@ class Plant:
         now: The robot's matrices at the state.
         v: The motors' torque that acts, shape (nz,).
         disturbed: Whether there is a disturbance.
+        slips: Whether q' is not C z alone. The slip moves the platform and nothing else: (17) is that
+            of rolling, and nothing in it depends on where a platform is on a floor.
     """
 
     def __init__(self, robot: MobileManipulator, disturbance: Torque | None = None) -> None:
@@ -41,19 +50,72 @@ class Plant:
         self.now = Workspace(robot)
         self.v = np.zeros(robot.nz)
         self.disturbed = disturbance is not None
+        self.slips = False
         self._disturbance = disturbance
-        self._d = np.zeros(robot.nz)
+        self._external = self._d = np.zeros(robot.nz)
+        self._rate = np.zeros(robot.nz)
+        self._friction: list[Resistance] = []
+        self._base = np.array(pose_index(robot), dtype=np.int64)
+        self._pose, self._rolling, self._slipping = np.zeros((3, 3))
+        self._slip: list[Call] = []
         self._lower = np.zeros((robot.nz, robot.nz))
         self._z_dot = np.zeros(robot.nz)
+        self._acceleration: Program | None = None
         self._velocity = program(self.now.velocity_steps())
-        self._acceleration = program(
-            [*self.dynamics_steps(), self.acceleration_step(self._z_dot, np.zeros(1))]
-        )
+
+    def resist(self, friction: Callable[[Array, Array], Resistance]) -> None:
+        """Add a friction; before any steps are asked for.
+
+        Args:
+            friction: Makes it from the axes' rates and the torques to subtract from, see
+                :class:`mobman.simulation.friction.friction.Friction`.
+        """
+        if not self._friction:
+            self._d = np.zeros_like(self._external)  # that of now: the external one less friction
+        self._friction.append(friction(self._rate, self._d))
+
+    def slide(self, slip: Callable[[Array, Array, Array], Call | None]) -> None:
+        """Add a slip, if the platform has a pose; before any steps are asked for.
+
+        Args:
+            slip: Makes it from the pose, its rate and the slip to add to, see
+                :class:`mobman.simulation.slip.slip.Slip`.
+        """
+        step = slip(self._pose, self._rolling, self._slipping)
+        if step is not None and len(self._base):
+            self._slip.append(step)
+            self.slips = True
 
     def disturb(self, t: float) -> None:
         """Let the disturbance of time t (s) act."""
         if self._disturbance is not None:
-            self._d[:] = self._disturbance(t)
+            self._external[:] = self._disturbance(t)
+
+    def friction_decay(self, q: Array) -> float:
+        """The fastest rate at which friction alone slows a motion at q (1/s); 0 if there is none."""
+        if not self._friction:
+            return 0.0
+        m, _, b = self.robot.dynamics(q, np.zeros(self.robot.nz))
+        slope = sum(part.slope for part in self._friction)
+        rates = np.linalg.eigvals(np.linalg.solve(m, b @ np.diag(slope) @ b.T))
+        return float(np.abs(rates).max())
+
+    def require_followed(self, q: Array, h: float) -> None:
+        """
+        Args:
+            q: Where the run starts, shape (nq,).
+            h: Length of an integration step (s).
+
+        Raises:
+            SpecError: If friction is too steep to be integrated in steps of h.
+        """
+        decay = self.friction_decay(q)
+        if not decay * h <= _LARGEST_DECAY:
+            raise SpecError(
+                f"friction slows a motion of {self.robot.name!r} at up to {decay:.3g} 1/s, which steps "
+                f"of {h:g} s cannot follow (at most {_LARGEST_DECAY / h:g} 1/s): make it weaker, or "
+                "the 'velocity' of Coulomb friction larger"
+            )
 
     def dynamics_steps(self) -> list[Call]:
         """M, its factor, bias and B, after the workspace's velocity steps and ``run_dynamics``."""
@@ -64,8 +126,30 @@ class Plant:
             call(_factorise, now.M, self._lower),
         ]
 
+    def friction_steps(self) -> list[Call]:
+        """The friction at the state, after the dynamics' steps; none if there is none."""
+        if not self._friction:
+            return []
+        return [
+            rate_step(self.now.B, self.now.z, self._rate),
+            call(copy, self._external, self._d),
+            *(part.step for part in self._friction),
+        ]
+
+    def motion_steps(self, q_dot: Array) -> list[Call]:
+        """The true q', shape (nq,): C z, and the slip; after the workspace's velocity steps."""
+        steps = [call(copy, self.now.q_dot, q_dot)]
+        if self._slip:
+            place = (self._pose, self._rolling, self._slipping)
+            steps += [
+                begin_step(self._base, self.now.q, self.now.q_dot, *place),
+                *self._slip,
+                add_step(self._base, self._slipping, q_dot),
+            ]
+        return steps
+
     def acceleration_step(self, z_dot: Array, power: Array) -> Call:
-        """z' of (20) under the torques that act, and their power, after the dynamics' steps.
+        """z' of (20) under the torques that act, and their power, after those of the friction.
 
         Args:
             z_dot: For the result, shape (nz,).
@@ -91,6 +175,14 @@ class Plant:
         self.disturb(t)
         self._velocity()
         now.run_dynamics()
+        if self._acceleration is None:
+            self._acceleration = program(
+                [
+                    *self.dynamics_steps(),
+                    *self.friction_steps(),
+                    self.acceleration_step(self._z_dot, np.zeros(1)),
+                ]
+            )
         require_success(self._acceleration())
         return self._z_dot.copy()
 

@@ -45,7 +45,8 @@ class Record:
     z: Array
     """True reduced velocity, shape (N_s, nz)."""
     torque: Array
-    """v held from each tick to the next (N m, N), shape (N_s, nz)."""
+    """Commanded v, held from each tick to the next (N m, N), shape (N_s, nz); where an actuation lies
+    between, the signal ``"torque_applied"`` is what acts."""
     tip_position: Array
     """Task coordinates of the tip, f_e (m), shape (N_s, m)."""
     tip_desired: Array

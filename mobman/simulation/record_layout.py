@@ -24,7 +24,12 @@ FIELDS: dict[str, tuple[str, str, str, str]] = {
     # place in the file: field, axis of its columns, units, description
     "q": ("q", "joint", "m or rad", "configuration, platform and arm"),
     "z": ("z", "velocity", "1/s of its coordinate", "reduced velocity (alpha, y')"),
-    "torque": ("torque", "velocity", "N m or N", "torque v held from this tick to the next"),
+    "torque": (
+        "torque",
+        "velocity",
+        "N m or N",
+        "commanded torque v, held from this tick to the next",
+    ),
     "tip/position": ("tip_position", "axis", "m", "task coordinates of the tip, f_e"),
     "tip/desired": ("tip_desired", "axis", "m", "desired trajectory p_d"),
     "error/task": ("task_error", "axis", "m", "e^e = f_e - p_d"),
@@ -46,6 +51,7 @@ DICTIONARIES = ("spec", "settings", "versions", "machine")
 
 _SIGNALS = {
     "sliding/s": ("m/s^2", "sliding variable of the kinematic stage, (31)"),
+    "torque_applied": ("N m or N", "torque that acts from this tick to the next"),
     "sliding/S": ("1/s^2 of its coordinate", "sliding variable of the dynamic stage, (51)"),
 }
 _DIMENSION_ONLY = "This is a netCDF dimension but not a netCDF variable. %10d"

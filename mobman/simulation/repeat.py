@@ -104,7 +104,8 @@ def _run(spec: dict[str, Any], urdf: dict[str, bytes], progress: Progress | None
     q0 = robot.checked_configuration(np.array(spec["q0"], dtype=float))
     task = task_again(spec, robot, q0)
     plant = plant_again(spec, urdf, robot)
-    check_plant(resolved_plant(robot, plant, scenario), spec)
+    random = np.random.default_rng(spec["seed"])
+    check_plant(resolved_plant(robot, plant, scenario, random), spec)
     return simulate(
         robot,
         controller,

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mobman.arrays import Array, Index, Matrix, Vector
 from mobman.kernels.kernel import kernel
 from mobman.model.mobile_manipulator import MobileManipulator
+
+Flags = NDArray[np.bool_]
 
 
 class Samples:
@@ -22,11 +25,18 @@ class Samples:
         self.desired = np.empty((rows, m))
         self.auxiliary = np.full((rows, robot.nz - m), np.nan)
         self.compute_time = np.empty(rows)
+        self.applied: Array | None = None
+        self.limited: Flags | None = None
         self.signals: dict[str, Array] = {}
         self.count = 0
         self.work = 0.0
         self.status = "ok"
         self.message = ""
+
+    def keep_applied(self) -> None:
+        """Make room for torques that act, where these are not those that are commanded."""
+        self.applied = np.zeros_like(self.torque)
+        self.limited = np.zeros(len(self.torque), dtype=bool)
 
 
 @kernel

@@ -121,6 +121,44 @@ def test_acceleration_is_what_the_axis_gets(youbot):
         assert np.isclose(inertia[i], z @ m @ z)
 
 
+NOISE = {"type": "noise", "torque": 0.4, "band": [2.0, 10.0]}
+
+
+def test_noise_is_in_its_band_with_its_root_mean_square():
+    times = np.arange(0.0, 200.0, 0.01)
+    torque = _start(NOISE)
+    values = np.array([torque(t) for t in times])
+    assert np.allclose(np.sqrt((values**2).mean(axis=0)), 0.4, rtol=0.05)
+    power = np.abs(np.fft.rfft(values * np.hanning(len(values))[:, None], axis=0)) ** 2
+    frequency = np.fft.rfftfreq(len(times), 0.01)
+    outside = (frequency < 1.9) | (frequency > 10.1)
+    assert power[outside].sum() < 1e-4 * power.sum()
+    # flat within it: each quarter of the band has a quarter of the power
+    for low in (2.0, 4.0, 6.0, 8.0):
+        quarter = power[(frequency >= low) & (frequency < low + 2.0)].sum()
+        assert np.isclose(quarter / power.sum(), 0.25, atol=0.03)
+    assert np.abs(np.corrcoef(values.T) - np.eye(3)).max() < 0.1
+
+
+def test_noise_is_a_function_of_time_and_the_seed():
+    one, other = _start(NOISE), _start(NOISE)
+    later = other(3.0)
+    assert np.array_equal(one(1.0), other(1.0))
+    assert np.array_equal(one(3.0), later)
+    assert not np.allclose(one(1.0), _start(NOISE, seed=1)(1.0))
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0])
+def test_growing_is_its_amplitude_at_its_time_and_has_no_bound(power):
+    torque = _start({"type": "growing", "torque": 0.4, "time": 5.0, "power": power})
+    assert not torque(0.0).any()
+    assert np.allclose(np.abs(torque(5.0)), 0.4)
+    assert np.allclose(torque(50.0), 10.0**power * torque(5.0))
+    signs = {float(np.sign(s)) for seed in range(5) for s in
+             _start({"type": "growing", "torque": 0.4, "time": 5.0}, seed=seed)(1.0)}  # fmt: skip
+    assert signs == {-1.0, 1.0}
+
+
 @pytest.mark.parametrize(
     ("source", "named"),
     [

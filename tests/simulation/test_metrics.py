@@ -231,3 +231,14 @@ def test_all_metrics_are_computed(youbot):
     found = compute_metrics(hand_made_run(youbot))
     assert list(found) == [item.name for item in list_metrics()]
     assert all(isinstance(value, float) for value in found.values())
+
+
+def test_saturation(youbot):
+    limited = np.zeros(1001, dtype=bool)
+    limited[200:300] = True
+    run = hand_made_run(youbot, limited=limited)
+    assert np.isclose(_value("saturation_share", run), 100 / 1001)
+    assert np.isclose(_value("saturation_start", run), 2.0)
+    for none in (np.zeros(1001, dtype=bool), None):
+        run = hand_made_run(youbot, limited=none)
+        assert (_value("saturation_share", run), _value("saturation_start", run)) == (0.0, 10.0)

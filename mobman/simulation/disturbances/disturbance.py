@@ -11,7 +11,7 @@ from pydantic import model_validator
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.registry import Registry
-from mobman.toml_model import Strict
+from mobman.simulation.pieces import Each, Piece
 
 Torque = Callable[[float], Array]
 """Disturbance torque on the motors' axes at time t (N m, N), shape (nz,)."""
@@ -30,12 +30,12 @@ class Disturbance(Protocol):
         ...
 
 
-class Amplitude(Strict):
-    """How strong a disturbance is: exactly one of the two, a number for all motors or one for each."""
+class Amplitude(Piece):
+    """How strong a torque is: exactly one of the two, a number for all motors or one for each."""
 
-    torque: float | list[float] | None = None
+    torque: Each | None = None
     """N m, N."""
-    acceleration: float | list[float] | None = None
+    acceleration: Each | None = None
     """rad/s^2, m/s^2: the torque is what gives each motor's axis this acceleration at rest, so that
     a scenario means the same to a light wrist and to a heavy base."""
 
@@ -54,7 +54,7 @@ class Amplitude(Strict):
         value = self.acceleration if self.torque is None else self.torque
         if isinstance(value, list) and len(value) != len(inertia):
             raise SpecError(
-                f"a disturbance's amplitude has {len(value)} entries; the robot has {len(inertia)} "
+                f"the amplitude has {len(value)} entries; the robot has {len(inertia)} "
                 "motors: give one number, or one for each"
             )
         scale = inertia if self.torque is None else np.ones_like(inertia)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mobman.arrays import Array
 from mobman.model.criterion import Criterion
@@ -31,6 +32,7 @@ class Run:
     q: Array
     z: Array
     torque: Array
+    """That acts, which is not always that which was commanded."""
     task_error: Array
     auxiliary_error: Array
     compute_time: Array
@@ -45,6 +47,8 @@ class Run:
     task: Task
     task_map: TaskMap
     criterion: Criterion
+    limited: NDArray[np.bool_] | None = None
+    """At which ticks the actuation cut the commanded torque, shape (N,); None if it never does."""
 
     @property
     def steady(self) -> Array:

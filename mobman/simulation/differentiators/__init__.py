@@ -1,0 +1,1 @@
+"""How z' is known; each module of kinds registers its own."""

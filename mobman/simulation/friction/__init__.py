@@ -1,0 +1,1 @@
+"""Friction on the motors' axes; each module of kinds registers its own."""

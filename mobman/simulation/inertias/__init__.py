@@ -1,0 +1,1 @@
+"""In what the true links' masses and inertias differ; each module of kinds registers its own."""

@@ -1,0 +1,1 @@
+"""The kinds; each module registers its own."""

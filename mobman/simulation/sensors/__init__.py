@@ -1,0 +1,1 @@
+"""What the sensors make of the state; each module of kinds registers its own."""

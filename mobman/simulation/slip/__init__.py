@@ -1,0 +1,1 @@
+"""How the platform slips; each module of kinds registers its own."""

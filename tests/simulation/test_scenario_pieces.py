@@ -1,0 +1,299 @@
+"""What scenarios are composed of: validation, storing, composing, and streams of randomness."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mobman as mm
+from mobman.errors import SpecError
+from mobman.simulation.accelerometer import AccelerationSource
+from mobman.simulation.scenario import Scenario
+
+RNG = np.random.default_rng
+UNEVEN = 0.1 + 0.2  # a float whose digits are needed in full
+
+ALL = {
+    "inertias": [
+        {"type": "links", "links": ["*"], "mass_spread": UNEVEN},
+        {"type": "payload", "mass": 1.0, "inertia": [0.1, 0.1, 0.1]},
+    ],
+    "friction": [
+        {"type": "viscous", "acceleration": UNEVEN},
+        {"type": "coulomb", "torque": 0.1, "velocity": 0.1},
+    ],
+    "disturbances": [
+        {"type": "constant", "torque": 1},
+        {"type": "sinusoid", "torque": 1.0, "frequency": 2.0},
+        {"type": "steps", "torque": 1.0, "interval": 0.1},
+        {"type": "noise", "torque": 1.0, "band": [1, 2.5]},
+        {"type": "growing", "torque": 1.0, "time": 3.0},
+    ],
+    "actuation": [
+        {"type": "saturation", "factor": 1.0},
+        {"type": "rate-limit", "torque": 10.0, "rise_time": 0.01},
+        {"type": "delay", "delay": UNEVEN},
+    ],
+    "sensors": [
+        {"type": "noise", "velocity": 1e-3},
+        {"type": "quantisation", "resolution": 1e-4, "velocity": "difference"},
+    ],
+    "acceleration": {"type": "filtered-difference", "cutoff": 20.0},
+    "slip": [
+        {"type": "longitudinal", "ratio": 0.02},
+        {"type": "lateral", "angle": 0.01},
+    ],
+}
+SOURCES = {
+    name: type(getattr(Scenario(name="all", **ALL), name)[0])
+    for name, value in ALL.items()
+    if isinstance(value, list)
+}
+GROUPS = list(SOURCES)
+
+
+@pytest.mark.parametrize("name", mm.list_scenarios())
+def test_what_is_stored_is_the_scenario(name):
+    scenario = mm.load_scenario(name)
+    stored = json.loads(json.dumps(scenario.model_dump(mode="json")))
+    again = Scenario.model_validate(stored)
+    assert again == scenario
+    assert again.model_dump(mode="json") == stored
+
+
+def test_every_kind_is_stored_with_all_digits_and_defaults():
+    scenario = Scenario(name="all", **ALL)
+    stored = json.loads(json.dumps(scenario.model_dump(mode="json")))
+    assert Scenario.model_validate(stored) == scenario
+    assert stored["inertias"][0]["mass_spread"] == UNEVEN
+    assert stored["inertias"][0]["inertia_factor"] == 1.0  # not given: its default is there
+    assert stored["actuation"][2] == {"type": "delay", "delay": UNEVEN}
+    for group in GROUPS:  # and the list above is of every kind that there is
+        kinds = SOURCES[group].kinds.names()
+        assert {piece["type"] for piece in ALL[group]} == set(kinds)
+
+
+@pytest.mark.parametrize(
+    ("given", "stored"),
+    [
+        ("exact", "exact"),
+        ({"type": "backward-difference"}, "backward-difference"),
+        (
+            {"type": "robust-differentiator", "lipschitz": 5},
+            {"type": "robust-differentiator", "lipschitz": 5.0},
+        ),
+    ],
+)
+def test_acceleration_is_a_name_or_a_table(given, stored):
+    scenario = Scenario(name="a", acceleration=given)
+    assert scenario.model_dump(mode="json")["acceleration"] == stored
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "named"),
+    [
+        ("filtered-difference", "'filtered-difference': field 'cutoff' is missing"),
+        ({"type": "levant"}, "must be one of .*'robust-differentiator'"),
+        ({"lipschitz": 1.0}, "table with such a 'type'"),
+        (None, "must be one of"),
+        ({"type": "robust-differentiator", "lipschitz": []}, "at least 1"),
+        ({"type": "robust-differentiator", "lipschitz": [1.0, 0.0]}, "above 0"),
+        ({"type": "exact", "cutoff": 1.0}, "'cutoff' is unknown"),
+    ],
+)
+def test_wrong_acceleration_is_refused(acceleration, named):
+    with pytest.raises(SpecError, match=f"field 'acceleration' .*{named}"):
+        Scenario(name="a", acceleration=acceleration)
+
+
+@pytest.mark.parametrize("group", [*GROUPS, "acceleration"])
+def test_every_kind_and_field_is_documented(group):
+    page = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    registry = AccelerationSource if group == "acceleration" else SOURCES[group]
+    for name in registry.kinds.names():
+        assert f"| `{name}` |" in page
+        for field in registry.kinds.get(name).model_fields:
+            assert f"`{field}`" in page
+
+
+def test_every_error_is_told_at_once():
+    with pytest.raises(SpecError) as caught:
+        Scenario(
+            name="wrong",
+            payload=-1.0,
+            friction=[{"type": "viscous", "torque": -1.0}, {"type": "stiction"}],
+            actuation=[{"type": "delay", "delay": "long"}],
+            sensors=[{"type": "noise", "speed": 1.0}],
+            acceleration={"type": "filtered-difference"},
+            slip=[{"ratio": 0.1}],
+            extends=["heavierr"],
+        )
+    for text in (
+        "'payload'", "must not be negative", "unknown friction type 'stiction'", "'long'",
+        "'speed' is unknown", "'cutoff' is missing", "'slip.0.type' is missing", "'heavier'",
+    ):  # fmt: skip
+        assert text in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("group", "piece", "named"),
+    [
+        ("inertias", {"type": "links", "mass_factor": 0.0}, "greater than 0"),
+        ("inertias", {"type": "links", "mass_spread": 1.0}, "less than 1"),
+        ("inertias", {"type": "links", "centre_offset": [1.0]}, "at least 3"),
+        ("inertias", {"type": "payload"}, "exactly one of 'mass' or 'share'"),
+        ("inertias", {"type": "payload", "mass": 1.0, "share": 0.1}, "exactly one of"),
+        ("inertias", {"type": "payload", "mass": 1.0, "inertia": [1.0, 1.0, 2.1]}, "no body"),
+        ("inertias", {"type": "payload", "mass": 1.0, "inertia": [1, 0, 0, 1, 0]}, "3 entries"),
+        ("friction", {"type": "coulomb", "torque": 1.0, "velocity": 0.0}, "greater than 0"),
+        ("friction", {"type": "viscous"}, "either 'torque' or 'acceleration'"),
+        ("disturbances", {"type": "noise", "torque": 1.0, "band": [3.0, 2.0]}, "low < high"),
+        ("disturbances", {"type": "growing", "torque": 1.0, "time": 0.0}, "greater than 0"),
+        ("disturbances", {"type": "growing", "torque": 1.0, "time": 1.0, "power": 0.5}, "power"),
+        ("actuation", {"type": "delay", "delay": -1e-3}, "greater than or equal to 0"),
+        ("actuation", {"type": "delay", "delay": float("nan")}, "finite"),
+        ("actuation", {"type": "delay", "delay": True}, "valid number"),
+        ("actuation", {"type": "saturation"}, "at least one of"),
+        ("actuation", {"type": "saturation", "torque": 0.0}, "above 0"),
+        ("actuation", {"type": "saturation", "torque": 1.0, "factor": 1.0}, "'torque' alone"),
+        ("actuation", {"type": "rate-limit", "factor": 1.0}, "'rise_time' is missing"),
+        ("sensors", {"type": "noise", "position": -1.0}, "must not be negative"),
+        ("sensors", {"type": "noise", "velocity": "1e-3"}, "valid number"),
+        ("sensors", {"type": "quantisation"}, "'resolution' is missing"),
+        ("slip", {"type": "longitudinal", "ratio": 1.0}, "less than 1"),
+        ("slip", {"type": "lateral"}, "at least one of 'angle' or 'velocity'"),
+    ],
+)
+def test_nonsense_is_refused(group, piece, named):
+    with pytest.raises(SpecError, match=named) as caught:
+        Scenario(name="wrong", **{group: [piece]})
+    assert f"'{group}.0" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("fields", "named"),
+    [
+        ({"friction": [{"type": "viscous", "torque": [1.0, 2.0]}]}, "2 entries.*5 motors"),
+        ({"actuation": [{"type": "saturation", "torque": [1.0]}]}, "1 entries.*5 motors"),
+        ({"sensors": [{"type": "noise", "position": [1.0]}]}, "1 entries.*8 coordinates.*base_x"),
+        ({"sensors": [{"type": "noise", "pose": [1.0]}]}, "1 entries.*3 coordinates of a pose"),
+        (
+            {"acceleration": {"type": "robust-differentiator", "lipschitz": [1.0, 2.0]}},
+            "2 entries.*5 velocities",
+        ),
+        ({"inertias": [{"type": "links", "links": "elbow*"}]}, "'elbow.' fits no link.*y_1"),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_told(youbot, fields, named):
+    with pytest.raises(SpecError, match=named) as caught:
+        mm.simulate(
+            youbot, "pseudo-inverse", "circle", duration=0.01, scenario=Scenario(name="s", **fields)
+        )
+    assert "scenario 's'" in str(caught.value)
+
+
+# Composing -------------------------------------------------------------------------------------
+
+
+def test_scenario_begins_with_others():
+    mixed = Scenario(
+        name="mixed", extends=["heavier", "noisy", "disturbed"], payload=0.25,
+        disturbances=[{"type": "constant", "torque": 1.0}],
+    )  # fmt: skip
+    heavier, noisy, disturbed = map(mm.load_scenario, ("heavier", "noisy", "disturbed"))
+    assert (mixed.mass_factor, mixed.payload) == (heavier.mass_factor, 0.25)
+    assert (mixed.sensors, mixed.acceleration) == (noisy.sensors, noisy.acceleration)
+    assert mixed.disturbances[:-1] == disturbed.disturbances
+    assert mixed.disturbances[-1].type == "constant"
+    assert (mixed.name, mixed.description, mixed.extends) == ("mixed", "", [])
+
+
+def test_of_a_single_value_the_last_one_given_counts():
+    # lighter says nothing of a payload, so that of heavier stays
+    assert Scenario(name="m", extends=["heavier", "lighter"]).mass_factor == 0.7
+    assert Scenario(name="m", extends=["heavier", "lighter"]).payload == 1.0
+    assert Scenario(name="m", extends=["lighter", "heavier"]).mass_factor == 1.3
+    assert Scenario(name="m", extends=["heavier"], mass_factor=1.0).mass_factor == 1.0
+
+
+def test_files_are_found_from_the_file_that_extends_them(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "a.toml").write_text('name = "a"\npayload = 0.5\n', encoding="utf-8")
+    (tmp_path / "parts" / "b.toml").write_text(
+        'name = "b"\nextends = ["a.toml"]\nmass_factor = 1.1\n', encoding="utf-8"
+    )
+    top = tmp_path / "c.toml"
+    top.write_text('name = "c"\nextends = ["parts/b.toml", "delayed"]\n', encoding="utf-8")
+    scenario = mm.load_scenario(top)
+    assert (scenario.payload, scenario.mass_factor) == (0.5, 1.1)
+    assert [piece.type for piece in scenario.actuation] == ["delay"]
+
+
+def test_circle_is_told(tmp_path):
+    for name, other in (("a", "b"), ("b", "a")):
+        (tmp_path / f"{name}.toml").write_text(
+            f'name = "{name}"\nextends = ["{other}.toml"]\n', encoding="utf-8"
+        )
+    with pytest.raises(SpecError, match=r"comes back to the file itself: a.toml -> b.toml"):
+        mm.load_scenario(tmp_path / "a.toml")
+
+
+# Randomness ------------------------------------------------------------------------------------
+
+
+def _signals(scenario, robot, seed=0):
+    """Something of everything that is random."""
+    scenario = Scenario(name="s", **scenario)
+    inertia = robot.motor_inertia(robot.q_rest)
+    masses = [link.mass for link in scenario.true_robot(robot, RNG(seed)).model.inertias]
+    push = scenario.disturbance(inertia, RNG(seed))
+    measured = scenario.measurement(robot, 1e-3, RNG(seed)).take(
+        robot.q_rest, np.zeros(robot.nz), np.zeros(robot.nz)
+    )
+    return [np.array(masses), *([] if push is None else [push(0.7)]), *measured]
+
+
+RANDOM = {
+    "inertias": [{"type": "links", "mass_spread": 0.2}],
+    "disturbances": [{"type": "noise", "torque": 1.0, "band": [1.0, 5.0]}],
+    "sensors": [{"type": "noise", "position": 1e-3, "velocity": 1e-3, "acceleration": 1e-3}],
+}
+
+
+def test_seed_decides(youbot):
+    one, same, other = (_signals(RANDOM, youbot, seed) for seed in (1, 1, 2))
+    assert all(map(np.array_equal, one, same))
+    assert not any(map(np.array_equal, one, other))
+
+
+@pytest.mark.parametrize("group", ["inertias", "disturbances", "sensors"])
+def test_another_piece_changes_no_stream(youbot, group):
+    """Not even one that comes before, of the same group."""
+    silent = {
+        "inertias": {"type": "payload", "mass": 0.0},
+        "disturbances": {"type": "steps", "torque": 0.0, "interval": 0.1},
+        "sensors": {"type": "quantisation", "resolution": 0.0},
+    }[group]
+    more = {**RANDOM, group: [silent, *RANDOM[group]]}
+    assert all(map(np.array_equal, _signals(RANDOM, youbot), _signals(more, youbot)))
+
+
+def test_two_of_a_kind_have_streams_of_their_own(youbot):
+    first, second = RANDOM["disturbances"][0], {"type": "noise", "torque": 1.0, "band": [1.0, 5.0]}
+    inertia = youbot.motor_inertia(youbot.q_rest)
+    once, twice = (
+        Scenario(name="s", disturbances=some).disturbance(inertia, RNG(0))(0.7)
+        for some in ([first], [first, second])
+    )
+    assert not np.allclose(twice, 2.0 * once, atol=1e-2)
+
+
+def test_noise_of_one_quantity_does_not_depend_on_that_of_another(youbot):
+    sensors = [{"type": "noise", "velocity": 1e-3}]
+    alone = _signals({**RANDOM, "sensors": sensors}, youbot)
+    assert np.array_equal(alone[-2], _signals(RANDOM, youbot)[-2])  # z
+    assert np.array_equal(alone[-3], youbot.q_rest)
