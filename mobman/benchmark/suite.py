@@ -10,6 +10,8 @@ from pydantic import ConfigDict, Field, model_validator
 
 from mobman.benchmark.expansion import Expansion
 from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.tuning.declaration import Tuning
+from mobman.benchmark.tuning.tuned_from import TunedFrom
 from mobman.resources import resource_folder
 from mobman.toml_model import Strict, named_file, read_toml, validate
 
@@ -30,6 +32,8 @@ class ControllerEntry(Strict):
     """Gains that differ from the law's defaults."""
     grid: Grid = {}
     """Values of gains."""
+    tuned: TunedFrom | None = None
+    """Where its gains come from, if ``mobman bench tune`` found them."""
 
 
 class TaskEntry(Strict):
@@ -131,6 +135,8 @@ class Suite(Strict):
     """Beside those that have names."""
     groups: list[Group] = Field(min_length=1)
     overrides: list[Override] = []
+    tuning: Tuning | None = None
+    """How its controllers are tuned, or were."""
 
     @model_validator(mode="after")
     def _long_enough(self) -> Self:

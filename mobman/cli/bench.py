@@ -17,6 +17,7 @@ from rich.progress import (
 
 from mobman.cli.bench_merge import merge_command
 from mobman.cli.bench_suites import list_command, show_command
+from mobman.cli.bench_tune import tune
 from mobman.cli.output import console, number
 
 if TYPE_CHECKING:
@@ -25,12 +26,13 @@ if TYPE_CHECKING:
 
 @click.group()
 def bench() -> None:
-    """Suites of the comparative benchmark: list, show, run, report, merge."""
+    """Suites of the comparative benchmark: list, show, tune, run, report, merge."""
 
 
 bench.add_command(list_command)
 bench.add_command(show_command)
 bench.add_command(merge_command)
+bench.add_command(tune)
 
 
 @bench.command("run")

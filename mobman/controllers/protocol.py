@@ -64,15 +64,24 @@ def make_controller(name: str, **gains: Any) -> Controller:
         UnknownNameError: If there is no such controller, or it has no such gain.
         GainError: If a gain is outside what the theory allows.
     """
-    law = controllers.get(name)
-    controller: Controller
-    if hasattr(law, "Gains"):
-        controller = law(law.Gains(**_by_field(name, law.Gains, gains)))
-    elif gains:
-        raise UnknownNameError(f"gain of {name!r}", next(iter(gains)), [])
-    else:
-        controller = law()
+    law, fields = controllers.get(name), gains_by_field(name, gains)
+    controller: Controller = law(law.Gains(**fields)) if hasattr(law, "Gains") else law()
     return controller
+
+
+def gains_by_field(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Gains of a controller by the names of its fields, also where underscores are left out.
+
+    Raises:
+        UnknownNameError: If there is no such controller, or it has no such gain.
+        UsageError: If one is given twice.
+    """
+    law = controllers.get(name)
+    if hasattr(law, "Gains"):
+        return _by_field(name, law.Gains, given)
+    if given:
+        raise UnknownNameError(f"gain of {name!r}", next(iter(given)), [])
+    return {}
 
 
 def _by_field(name: str, gains: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:

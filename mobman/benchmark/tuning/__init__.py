@@ -1,0 +1,1 @@
+"""Tuning of a suite's controllers with one budget for all of them."""

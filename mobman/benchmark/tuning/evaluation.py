@@ -1,0 +1,135 @@
+"""One run of a trial: what is sent to a worker, and the score that comes back."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.tuning.objective import Objective
+from mobman.controllers.protocol import controllers, make_controller
+from mobman.errors import GainError, MobmanError
+from mobman.model.build import load_robot
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.robots.catalogue import find_spec
+from mobman.robots.spec import RobotSpec
+from mobman.simulation.closed_loop import simulate
+from mobman.simulation.record import Record
+from mobman.simulation.scenario import Scenario
+from mobman.tasks.task import TaskFactory, make_task, tasks
+
+_here = threading.local()  # a robot computes in its own arrays, so threads share none
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A run, with what its names mean where the tuning was started; a worker may not know."""
+
+    run: RunSpec
+    robot: RobotSpec
+    law: type[Any]
+    factory: TaskFactory
+
+    @classmethod
+    def of(cls, run: RunSpec, **changes: Any) -> Self:
+        """That of a run, some of whose fields differ."""
+        return cls(
+            replace(run, **changes),
+            find_spec(run.robot),
+            controllers.get(run.law),
+            tasks.get(run.task_name),
+        )
+
+
+@dataclass(frozen=True)
+class RunScore:
+    """How one run of a trial went."""
+
+    score: float
+    """See :meth:`Objective.score`."""
+    status: str
+    """The record's; ``"infeasible"`` where the law refuses the gains, ``"failed"`` where it raised
+    another error."""
+    message: str
+    metrics: dict[str, float]
+    """Those of the objective, by name."""
+    seconds: float
+    """Wall time that it took."""
+
+
+def simulated(evaluation: Evaluation) -> Record:
+    """The run's record.
+
+    Raises:
+        GainError: If the law refuses the gains.
+    """
+    run = evaluation.run
+    controllers.register(run.law, evaluation.law)
+    tasks.register(run.task_name, evaluation.factory)
+    controller = make_controller(run.law, **run.gains)
+    robot = _loaded(run.robot_sha256, evaluation.robot)
+    return simulate(
+        robot,
+        controller,
+        make_task(run.task_name, robot, **run.task_given),
+        duration=run.duration,
+        dt=run.dt,
+        scenario=Scenario.model_validate(run.scenario),
+        seed=run.seed,
+    )
+
+
+def score(evaluation: Evaluation, objective: Objective) -> RunScore:
+    """Do a run and score it; what the law does wrong is scored, too."""
+    started = time.perf_counter()
+    try:
+        record = simulated(evaluation)
+    except GainError as error:
+        status, message = "infeasible", str(error)
+    except (OSError, MemoryError):
+        raise  # the machine's fault, and no gains'
+    except Exception as error:
+        # whatever a law does with gains that do not suit it
+        status, message = "failed", f"{type(error).__name__}: {error}"
+    else:
+        if missing := [name for name in objective.metrics if name not in record.metrics]:
+            raise MobmanError(
+                f"the objective {objective.name!r} needs the metric {missing[0]!r}, which no run has"
+            )
+        fraction = float(record.t[-1]) / evaluation.run.duration
+        found = {name: record.metrics[name] for name in objective.metrics}
+        value = objective.score(record.status, found, fraction)
+        seconds = time.perf_counter() - started
+        return RunScore(value, record.status, record.message, found, seconds)
+    _here.robots = {}  # a run that broke off may have left anything in its robot
+    value = objective.score(status, {}, 0.0)
+    return RunScore(value, status, message, {}, time.perf_counter() - started)
+
+
+def evaluate(
+    evaluations: Sequence[Evaluation], objective: Objective, executor: Executor
+) -> Iterator[tuple[int, RunScore]]:
+    """The scores of runs, each with its position, as they come."""
+    futures = {
+        executor.submit(score, evaluation, objective): position
+        for position, evaluation in enumerate(evaluations)
+    }
+    try:
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _loaded(key: str, spec: RobotSpec) -> MobileManipulator:
+    """The robot, loaded once a worker."""
+    robots: dict[str, MobileManipulator] = getattr(_here, "robots", {})
+    if key not in robots:
+        robots[key] = load_robot(spec)
+        _here.robots = robots
+    return robots[key]

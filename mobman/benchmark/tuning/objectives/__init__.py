@@ -1,0 +1,1 @@
+"""The objectives; each module registers the one it defines."""

@@ -1,0 +1,213 @@
+"""``mobman bench tune``: the same budget of tuning for every controller of a suite."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from mobman.cli.output import console, print_json
+
+if TYPE_CHECKING:
+    from mobman.benchmark.tuning.result import TuningResult
+    from mobman.benchmark.tuning.tune import Plan, Step
+
+
+@click.command("tune")
+@click.argument("suite")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder of the results; results/SUITE-tuning by default.",
+)
+@click.option(
+    "--trials", type=click.IntRange(min=1), help="Of each controller; the suite's by default."
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; one a core by default.")
+@click.option(
+    "--controllers",
+    multiple=True,
+    metavar="LABEL",
+    help="Tune these alone; repeatable.  [default: all that have a search space]",
+)
+@click.option("--fresh", is_flag=True, help="Begin anew, also where trials are there already.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def tune(
+    suite: str,
+    output: Path | None,
+    trials: int | None,
+    workers: int | None,
+    controllers: tuple[str, ...],
+    fresh: bool,
+    as_json: bool,
+) -> None:
+    """Tune the controllers of SUITE (a name or a TOML file), and write it with the tuned gains.
+
+    Every controller has the same number of trials on the same runs, none of which the suite reports.
+    FOLDER/SUITE-tuned.toml compares its own gains with the tuned ones. Trials that are in the folder
+    are not done again: after Ctrl-C the same command goes on.
+    """
+    from mobman.benchmark.runner import default_workers
+    from mobman.benchmark.suite import load_suite
+    from mobman.benchmark.tuning.tune import tune_suite
+
+    chosen = load_suite(suite)
+    folder = output or Path("results") / f"{chosen.name}-tuning"
+    count = default_workers() if workers is None else workers
+    display = _Display(count)
+    try:
+        with display:
+            result = tune_suite(
+                chosen,
+                folder,
+                trials=trials,
+                controllers=controllers or None,
+                workers=count,
+                fresh=fresh,
+                on_start=display.start,
+                on_step=display.step,
+            )
+    except KeyboardInterrupt:
+        click.echo(
+            f"mobman: interrupted; the trials that were done are kept in {folder}, the same command "
+            "goes on from there",
+            err=True,
+        )
+        raise click.exceptions.Exit(130) from None
+    for label, why in result.left_out.items():
+        click.echo(f"mobman: not tuned: {label!r} {why}", err=True)
+    if as_json:
+        print_json(_as_json(result))
+    else:
+        _print(result)
+
+
+def _as_json(result: TuningResult) -> dict[str, object]:
+    return {
+        "suite": str(result.suite_file),
+        "tuning": str(result.json_file),
+        "seconds": result.seconds,
+        "controllers": {
+            label: {
+                "trials": len(trials),
+                "score_default": trials[0].score,
+                "score": result.best(label).score,
+                "trial": result.best(label).number,
+                "gains": result.best(label).gains,
+            }
+            for label, trials in result.trials.items()
+        },
+        "not_tuned": dict(result.left_out),
+    }
+
+
+def _print(result: TuningResult) -> None:
+    table = Table(box=None, pad_edge=False)
+    table.add_column("controller")
+    for heading in ("trials", "score", "tuned", "trial"):
+        table.add_column(heading, justify="right")
+    table.add_column("gains")
+    for label, trials in result.trials.items():
+        best = result.best(label)
+        gains = ", ".join(f"{name} = {value:g}" for name, value in best.gains.items())
+        table.add_row(
+            label,
+            str(len(trials)),
+            f"{trials[0].score:.3f}",
+            f"{best.score:.3f}",
+            str(best.number),
+            gains or "the suite's own: no trial was better",
+        )
+    out = console()
+    out.print(table)
+    out.print(f"suite:  {result.suite_file}", soft_wrap=True)
+    out.print(f"trials: {result.json_file}", soft_wrap=True)
+
+
+class _Display:
+    """Live progress on a terminal; one plain line a trial elsewhere."""
+
+    def __init__(self, workers: int) -> None:
+        self._console = console(stderr=True)
+        self._workers = workers
+        self._scores: dict[str, float] = {}
+        self._first: set[str] = set()
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[note]}"),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._bar = self._progress.add_task("runs", total=None, note="")
+
+    def __enter__(self) -> _Display:
+        self._progress.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._progress.__exit__(None, None, None)
+
+    def start(self, plan: Plan) -> None:
+        """What will be done."""
+        self._plan, self._trials, self._runs = plan, plan.done, plan.done * plan.runs
+        self._seconds: list[float] = []
+        self._progress.update(self._bar, total=plan.total, completed=self._runs)
+        gains = ", ".join(f"{label} ({count})" for label, count in plan.gains.items())
+        simulated = len(plan.gains) * plan.trials * plan.seconds
+        self._say(
+            f"{len(plan.gains)} controllers (gains to tune): {gains}; {plan.trials} trials each, "
+            f"{plan.runs} runs a trial: {plan.total} runs, {simulated:.0f} s of simulated time"
+            + (f"; {plan.done} trials were there" if plan.done else "")
+        )
+
+    def step(self, step: Step) -> None:
+        """A run is done."""
+        self._runs += 1
+        self._seconds.append(step.run.seconds)
+        self._progress.update(self._bar, advance=1)
+        if step.trial is None:
+            return
+        score = step.trial.score
+        self._trials += 1
+        before = self._scores.get(step.label, score)
+        self._scores[step.label] = min(before, score)
+        note = ", ".join(f"{label} {best:.2f}" for label, best in self._scores.items())
+        self._progress.update(self._bar, note=note)
+        if not self._console.is_terminal:
+            click.echo(
+                f"[{self._trials}/{len(self._plan.gains) * self._plan.trials}] {step.label} · trial "
+                f"{step.number}: {score:.3f}, best {self._scores[step.label]:.3f}",
+                err=True,
+            )
+        self._estimate(step.label)
+
+    def _estimate(self, label: str) -> None:
+        """How long the rest takes, once there is a trial of each controller."""
+        complete = len(self._first) == len(self._plan.gains)
+        self._first.add(label)
+        if not complete and len(self._first) == len(self._plan.gains):
+            each = sum(self._seconds) / len(self._seconds)
+            left = (self._plan.total - self._runs) * each / self._workers
+            self._say(f"about {left / 60:.1f} min to go with {self._workers} workers")
+
+    def _say(self, text: str) -> None:
+        if self._console.is_terminal:
+            self._progress.console.print(text)
+        else:
+            click.echo(text, err=True)
