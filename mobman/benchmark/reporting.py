@@ -5,28 +5,60 @@ from __future__ import annotations
 import math
 import os
 import shlex
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
-from mobman.benchmark.report.content import FailedRun, ReportedRun, ReportedSuite, ReportFiles
-from mobman.benchmark.report.format import end_time
-from mobman.benchmark.report.report import write_report
+from mobman.benchmark.report.content import (
+    FailedRun,
+    Place,
+    ReportedRun,
+    ReportedSuite,
+    ReportFiles,
+    UnusedFile,
+)
+from mobman.benchmark.report.report import Request, write_report
+from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.store import Store
 from mobman.errors import MobmanError, RecordError
+from mobman.simulation.record import load_record
+from mobman.simulation.record_file import RecordSummary, read_summary
 
 WriteReplay = Callable[[Path, Path, float | None], None]
 """Writes a page: given a record's file, the page's, and the instant that it opens at (s), if any."""
 _REPLAYS = "replays"
 
 
+@dataclass(frozen=True)
+class Results:
+    """What a folder holds, without the samples."""
+
+    suite: ReportedSuite
+    runs: list[ReportedRun]
+    failures: list[FailedRun]
+    """Runs without a result."""
+    unused: list[UnusedFile]
+
+
 def report_on(
-    folder: str | os.PathLike[str], *, write_replay: WriteReplay | None = None
+    folder: str | os.PathLike[str],
+    *,
+    output: str | os.PathLike[str] | None = None,
+    cells: Sequence[str] = (),
+    latex: str | os.PathLike[str] | None = None,
+    write_replay: WriteReplay | None = None,
 ) -> ReportFiles:
-    """Write the report of a folder of results, and rebuild its index.
+    """Write the report of a folder of results, and rebuild its index if it is not of these files.
 
     Args:
         folder: The folder.
+        output: Where the report goes; into the folder by default. With another one, nothing is written
+            into the folder, so that it may be read-only.
+        cells: Names of the cells to draw, ``"ROBOT, TASK, SCENARIO"``, with ``*`` and ``?``; by
+            default all of them, or a selection where they are many.
+        latex: A folder for LaTeX tables and vector figures; none by default. The errors and torques
+            are those of the first of ``cells``, or of the suite's first cell.
         write_replay: Writes the page ``replays/RUN_ID.html`` of a run, at its instant of failure if
             it ended early; by default none is written, and those that are there are linked if they
             are no older than their records.
@@ -34,53 +66,168 @@ def report_on(
     Runs whose record is missing or unreadable are listed with the reason; none is dropped.
 
     Raises:
-        MobmanError: If the folder holds no results at all.
+        MobmanError: If the folder holds no results at all, or the report cannot be written.
+        UsageError: If there is no such cell.
     """
     store = Store(folder)
-    runs, suite = store.runs, store.suite
+    place = store.folder if output is None else Path(output)
+    results = read_results(store, place, write_replay)
+    files = write_report(
+        place, results.suite, results.runs, results.failures, results.unused, Request(tuple(cells))
+    )
+    if latex is not None:
+        from mobman.benchmark.report.latex import write_latex
+
+        write_latex(Path(latex), results.suite, results.runs, results.failures, cells)
+    if output is None and not _index_is_fresh(store):
+        store.rebuild_index()
+    return files
+
+
+def read_results(
+    store: Store, place: Path | None = None, write_replay: WriteReplay | None = None
+) -> Results:
+    """Everything in a folder of results but the samples.
+
+    Args:
+        store: The folder.
+        place: The folder that files are named from; the store's own by default.
+        write_replay: See :func:`report_on`.
+
+    Raises:
+        MobmanError: If there are no results at all.
+    """
+    place = store.folder if place is None else place
     reasons = {failure.run_id: failure.reason for failure in store.failures}
-    reported: list[ReportedRun] = []
-    failed: list[FailedRun] = []
-    for run in runs:
+    runs: list[ReportedRun] = []
+    failures: list[FailedRun] = []
+    unused: list[UnusedFile] = []
+    asked = set()
+    for spec in store.runs:
+        path = store.path(spec)
+        asked.add(path.name)
+        where = _place(spec)
         try:
-            record = store.record(run)
+            summary = _summary_of(spec, path)
         except RecordError as error:
-            reason = reasons.get(run.run_id, str(error))
-            failed.append(
-                FailedRun(run.label, run.robot, run.task, run.scenario["name"], run.seed, reason)
-            )
+            reason = reasons.get(path.stem, "")
+            there = path.exists()
+            if there:
+                unused.append(UnusedFile(_relative(path, store.folder), str(error)))
+            pending = not reason and not there
+            reason = reason or ("not done yet" if pending else str(error))
+            failures.append(FailedRun(spec.label, where, spec.seed, reason, spec.family, pending))
             continue
-        path = store.path(run)
-        entry = ReportedRun(run.label, path.relative_to(store.folder).as_posix(), record, run.gains)
-        instant = _failure(entry)
-        page = store.folder / _REPLAYS / f"{run.run_id}.html"
+        run = _reported(spec, where, summary, path, place)
+        page = place / _REPLAYS / f"{path.stem}.html"
         if write_replay is not None:
-            write_replay(path, page, instant)
-        reported.append(
-            replace(
-                entry,
-                command=_command(path, instant),
-                replay=page.relative_to(store.folder).as_posix() if _is_of(page, path) else "",
-            )
+            write_replay(path, page, _instant(run))
+        if _is_of(page, path):
+            run = replace(run, replay=_relative(page, place))
+        runs.append(run)
+    if not runs and not failures:
+        raise MobmanError(f"{store.folder} holds no runs")
+    unused += _others(store, asked)
+    return Results(_suite(store), runs, failures, unused)
+
+
+def _summary_of(spec: RunSpec, path: Path) -> RecordSummary:
+    """A run's record without its samples.
+
+    Raises:
+        RecordError: If it is not there, cannot be read, or is another run's.
+    """
+    try:
+        summary = read_summary(path)
+    except (RuntimeError, AttributeError) as error:  # of a file that is broken within
+        raise RecordError(f"{path} is not a whole record: {error}") from error
+    asked = (spec.scenario["name"], spec.seed)
+    found = (summary.scenario, summary.seed)
+    if found != asked:
+        raise RecordError(
+            f"{path} is another run's record: scenario {found[0]!r} and seed {found[1]}, where the "
+            f"suite asks for {asked[0]!r} and {asked[1]}"
         )
-    if not reported and not failed:
-        raise MobmanError(f"{folder} holds no runs")
-    store.rebuild_index()
-    seconds, workers = store.timing
-    return write_report(
-        Path(folder),
-        ReportedSuite(suite.name, suite.description, suite.duration, runs[0].dt, seconds, workers),
-        reported,
-        failed,
+    return summary
+
+
+def _reported(
+    spec: RunSpec, where: Place, summary: RecordSummary, path: Path, folder: Path
+) -> ReportedRun:
+    run = ReportedRun(
+        label=spec.label,
+        place=where,
+        seed=spec.seed,
+        file=_relative(path, folder),
+        law=spec.law,
+        status=summary.status,
+        message=summary.message,
+        metrics=summary.metrics,
+        settings=summary.settings,
+        versions=summary.versions,
+        created=summary.created,
+        machine=summary.machine,
+        load=partial(load_record, path),
+        acceleration=_acceleration(spec),
+        family=spec.family,
+        gains=spec.gains,
+    )
+    return replace(run, command=_command(path, _instant(run)))
+
+
+def _place(spec: RunSpec) -> Place:
+    return Place(spec.robot, spec.task, str(spec.scenario["name"]), spec.duration, spec.dt)
+
+
+def _acceleration(spec: RunSpec) -> str:
+    found = spec.scenario.get("acceleration", "")
+    return str(found.get("type", "")) if isinstance(found, dict) else str(found)
+
+
+def _others(store: Store, asked: set[str]) -> list[UnusedFile]:
+    """Files beside the records that the suite asked for."""
+    found = []
+    for path in sorted((store.folder / "runs").glob("*")):
+        if path.name in asked or path.name.startswith("."):  # the latter: being written
+            continue
+        reason = "a record that this suite does not ask for"
+        if path.suffix != ".h5":
+            reason = "not a record: these end in .h5"
+        else:
+            try:
+                read_summary(path)
+            except (RecordError, RuntimeError, AttributeError) as error:
+                reason = str(error)
+        found.append(UnusedFile(_relative(path, store.folder), reason))
+    return found
+
+
+def _suite(store: Store) -> ReportedSuite:
+    manifest = store.manifest
+    suite = manifest.suite
+    tuned = {
+        label: entry.tuned.model_dump(mode="json")
+        for label, entry in suite.controllers.items()
+        if entry.tuned is not None
+    }
+    folder = shlex.quote(str(store.folder))
+    return ReportedSuite(
+        suite.name, suite.description, manifest.seconds, manifest.workers, tuned, folder
     )
 
 
-def _failure(run: ReportedRun) -> float | None:
+def _instant(run: ReportedRun) -> float | None:
     """When a run failed (s); None if it did not."""
-    if run.record.ok:
+    if run.ok:
         return None
-    instant = end_time(run)
-    return None if math.isnan(instant) else instant
+    instant = run.end
+    if math.isnan(instant):
+        try:
+            times = run.load().t
+        except RecordError:
+            return None
+        return float(times[-1]) if len(times) else None
+    return instant
 
 
 def _command(path: Path, instant: float | None) -> str:
@@ -91,9 +238,22 @@ def _command(path: Path, instant: float | None) -> str:
     return shlex.join(words)
 
 
+def _relative(path: Path, folder: Path) -> str:
+    """A path as a link from a folder."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # on another drive
+        return path.resolve().as_posix()
+
+
 def _is_of(page: Path, record: Path) -> bool:
     """Whether a page is there and not of an earlier record."""
     try:
         return page.stat().st_mtime_ns >= record.stat().st_mtime_ns
     except OSError:
         return False
+
+
+def _index_is_fresh(store: Store) -> bool:
+    """Whether no record came or went since the index was written."""
+    return _is_of(store.folder / "index.h5", store.folder / "runs")

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from mobman.benchmark.run_spec import RunSpec
-from mobman.benchmark.store import Failure, Store
+from mobman.benchmark.store import Store
 from mobman.benchmark.suite import Suite
 from mobman.controllers.protocol import controllers, make_controller
 from mobman.kernels.ahead import compile_ahead, compiled_ahead
@@ -117,11 +117,9 @@ def run_suite(
             if on_done is not None:
                 on_done(outcome)
     summary.seconds = time.monotonic() - started
-    store.finish(
-        [Failure(outcome.run.run_id, outcome.message) for outcome in summary.failed],
-        summary.seconds if summary.outcomes else None,
-        workers,
-    )
+    for outcome in summary.failed:
+        store.fail(outcome.run, outcome.message)
+    store.finish(summary.seconds if summary.outcomes else None, workers)
     return summary
 
 

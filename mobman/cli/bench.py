@@ -90,18 +90,48 @@ def run_command(suite: str, output: Path | None, workers: int | None, fresh: boo
 
 @bench.command("report")
 @click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Write the report here and leave FOLDER as it is.",
+)
+@click.option(
+    "--cell",
+    "cells",
+    multiple=True,
+    metavar="NAME",
+    help="Draw this cell, 'ROBOT, TASK, SCENARIO' with * for any text; may be given several times.",
+)
+@click.option(
+    "--latex",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Write LaTeX tables and figures as PDF here, too.",
+)
 @click.option("--replays", is_flag=True, help="Write a page of each run, FOLDER/replays/ID.html.")
-def report_command(folder: Path, replays: bool) -> None:
+def report_command(
+    folder: Path, output: Path | None, cells: tuple[str, ...], latex: Path | None, replays: bool
+) -> None:
     """Write the report of the results in FOLDER anew, and its index."""
-    _report(folder, replays=replays)
+    _report(folder, replays=replays, output=output, cells=cells, latex=latex)
 
 
-def _report(folder: Path, *, replays: bool = False) -> None:
+def _report(
+    folder: Path,
+    *,
+    replays: bool = False,
+    output: Path | None = None,
+    cells: tuple[str, ...] = (),
+    latex: Path | None = None,
+) -> None:
     from mobman.benchmark.reporting import report_on
 
-    files = report_on(folder, write_replay=_write_replay if replays else None)
+    write_replay = _write_replay if replays else None
+    files = report_on(folder, output=output, cells=cells, latex=latex, write_replay=write_replay)
     click.echo(f"report: {files.html}")
     click.echo(f"        {files.markdown}")
+    if latex is not None:
+        click.echo(f"LaTeX:  {latex / 'example.tex'}")
 
 
 def _write_replay(record: Path, page: Path, instant: float | None) -> None:

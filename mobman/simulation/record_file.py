@@ -5,9 +5,11 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import h5py
@@ -87,6 +89,11 @@ class RecordSummary:
     seed: int
     state_sha256: str
     metrics: dict[str, float]
+    settings: Mapping[str, Any]
+    """Not to be changed: records with the same settings share them, as for what follows."""
+    versions: Mapping[str, str]
+    machine: Mapping[str, str]
+    created: str
 
 
 def read_summary(path: Path) -> RecordSummary:
@@ -198,6 +205,9 @@ def _summary(file: h5py.File, path: Path) -> RecordSummary:
     return RecordSummary(
         seed=int(file.attrs["seed"]),
         metrics=_metrics(file),
+        settings=_shared(_read_text(file, "settings_json")),
+        versions=_shared(_read_text(file, "versions_json")),
+        machine=_shared(_read_text(file, "machine_json")),
         **{name: _read_text(file, name) for name in texts},
     )
 
@@ -227,6 +237,12 @@ def _dictionary(file: h5py.File, name: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise TypeError(f"its attribute '{name}_json' is no dictionary")
     return value
+
+
+@lru_cache(maxsize=512)
+def _shared(text: str) -> Mapping[str, Any]:
+    """A dictionary; of thousands of records, few differ in theirs."""
+    return MappingProxyType(json.loads(text))
 
 
 def _check_version(file: h5py.File, path: Path) -> None:

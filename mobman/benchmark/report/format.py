@@ -16,7 +16,6 @@ UNDEFINED = "–"
 INFINITE = "∞"
 NEVER = "never"
 
-_INSTANT = re.compile(r"\bt = ([0-9][0-9.eE+-]*) s")
 _MARKDOWN = re.compile(r"([\\`*_{}\[\]<>#|])")
 
 
@@ -52,25 +51,19 @@ def metric_unit(name: str, unit: str) -> str:
     return "" if unit == "1" else unit
 
 
-def end_time(run: ReportedRun) -> float:
-    """When a run that did not go to its end ended (s); NaN if it has no samples."""
-    # its samples may be decimated, so that the last one is earlier
-    found = _INSTANT.search(run.record.message)
-    if found:
-        return float(found.group(1))
-    return float(run.record.t[-1]) if len(run.record.t) else math.nan
-
-
 def instant(t: float) -> str:
     """An instant of a run, with its unit."""
     return UNDEFINED if math.isnan(t) else f"{t:.4g} s"
 
 
+def ended(status: str, t: float) -> str:
+    """How a run that did not go to its end ended, in a few words."""
+    return status if math.isnan(t) else f"{status} at {instant(t)}"
+
+
 def ending(run: ReportedRun) -> str:
     """How a run ended, in a few words."""
-    if run.record.ok:
-        return "completed"
-    return f"{run.record.status} at {instant(end_time(run))}"
+    return "completed" if run.ok else ended(run.status, run.end)
 
 
 def duration(seconds: float) -> str:
@@ -101,6 +94,20 @@ def setting(value: Any) -> str:
     return str(value)
 
 
+def span(values: Sequence[float], scale: float, unit: str) -> str:
+    """Values in few words: "1 ms", "1, 2 and 5 ms", "1 to 100 ms (7 values)"."""
+    found = sorted(set(values))
+    texts = [f"{scale * value:g}" for value in found]
+    if len(texts) > 4:
+        return f"{texts[0]} to {texts[-1]} {unit} ({len(texts)} values)"
+    return f"{listing(texts)} {unit}"
+
+
+def cut(words: str, most: int) -> str:
+    """A text, of so many characters at the most."""
+    return words if len(words) <= most else words[: most - 1] + "…"
+
+
 def listing(items: Sequence[str]) -> str:
     """ "a, b and c"."""
     if len(items) < 2:
@@ -115,10 +122,14 @@ def count(n: int, noun: str) -> str:
 
 def html_text(text: str) -> Markup:
     """Text for HTML: escaped, with the paper's symbols set as such."""
-    safe = re.sub(r"\be\^([ea])\b", r"<i>e</i><sup>\1</sup>", str(escape(text)))
-    safe = re.sub(r"(?<=\w|\|)\^(-?[0-9]+|T)\b", r"<sup>\1</sup>", safe)
-    # a line must not break after the hyphen of an exponent
-    return Markup(re.sub(r"\b([0-9.]+e-[0-9]+)\b", r"<span>\1</span>", safe))
+    safe = str(escape(text))
+    if "^" in safe:
+        safe = re.sub(r"\be\^([ea])\b", r"<i>e</i><sup>\1</sup>", safe)
+        safe = re.sub(r"(?<=\w|\|)\^(-?[0-9]+|T)\b", r"<sup>\1</sup>", safe)
+    if "e-" in safe and " " in safe:
+        # a line must not break after the hyphen of an exponent
+        safe = re.sub(r"\b([0-9.]+e-[0-9]+)\b", r"<span>\1</span>", safe)
+    return Markup(safe)
 
 
 def markdown_text(text: str) -> str:

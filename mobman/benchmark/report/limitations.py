@@ -23,12 +23,19 @@ _ZERO_BETA = (
     "paper), and their constants w_i are the paper's rough values for its youBot, on other robots too. "
     "Runs under disturbances or with other masses are outside of what these bounds cover."
 )
-_BASELINES = (
+_LAWS = (
+    "The baselines are computed-torque laws without integral action or adaptation: they are told "
+    "nothing of the wrong masses either, and have nothing against them by design."
+)
+_UNTUNED = (
     "No controller was tuned for this comparison. The baselines' gains are fixed, and so are "
     "the sliding laws', but the effort that went into choosing them was not equal. The comparison is "
-    "one of these laws with these gains, not of the best that each can do. The baselines are "
-    "computed-torque laws without integral action or adaptation: they are told nothing of "
-    "the wrong masses either, and have nothing against them by design."
+    "one of these laws with these gains, not of the best that each can do. "
+)
+_PARTLY_TUNED = (
+    "Tuned gains are the best of a number of trials, on scenarios that are not the reported ones; more "
+    "trials, other ranges or another objective may give others. What is not tuned has its default or "
+    "given gains: compare tuned with tuned. "
 )
 _EXACT = (
     "The acceleration z' is measured without error, as if from a perfect sensor. The sliding laws "
@@ -55,34 +62,39 @@ _START = (
     "Each robot starts from one configuration, at rest, and follows one path: nothing here says "
     "how large the set of good starts is."
 )
+_SEEDS = (
+    "Several seeds of a cell are not independent evidence: they count once, by the worst of them. "
+    "Cells are not a random sample of tasks either: intervals and p-values say how the results would "
+    "vary with cells like these, not with any robot and task."
+)
 _STEADY = (
     "The steady part is the last 30 % of a run. A law that is still converging there is judged "
     "by where it has come to."
 )
 
 
-def limitations_of(runs: Sequence[ReportedRun]) -> list[str]:
-    """The limitations of a report on these runs, the weightiest first."""
-    implicit = any(run.record.settings.get("discretization") == "implicit" for run in runs)
-    sliding = [run for run in runs if "discretization" in run.record.settings]
+def limitations_of(runs: Sequence[ReportedRun], *, tuned: bool = False) -> list[str]:
+    """The limitations of a report on these runs, the weightiest first.
+
+    Args:
+        runs: The runs.
+        tuned: Whether some of the controllers were tuned.
+    """
+    implicit = any(run.settings.get("discretization") == "implicit" for run in runs)
+    sliding = [run for run in runs if "discretization" in run.settings]
     found = [_IMPLICIT] if implicit else []
     found += [_EXPLICIT] if any(run.explicit for run in runs) else []
-    found.append(_BASELINES)
-    found += [_EXACT] if any(_acceleration(run) == "exact" for run in sliding) else []
-    if any(run.record.settings.get("beta_0") == 0.0 for run in sliding):
+    found.append((_PARTLY_TUNED if tuned else _UNTUNED) + _LAWS)
+    found += [_EXACT] if any(run.acceleration == "exact" for run in sliding) else []
+    if any(run.settings.get("beta_0") == 0.0 for run in sliding):
         found.append(_ZERO_BETA)
     found += [_IDEAL, _WHEELS]
-    found += [_YOUBOT] if any(run.record.robot == "youbot" for run in runs) else []
+    found += [_YOUBOT] if any(run.place.robot == "youbot" for run in runs) else []
     found += [_AUTO] if sliding else []
-    seeds = unique([run.record.seed for run in runs])
+    seeds = unique([run.seed for run in runs])
     if len(seeds) == 1:
         found.append(
             f"One seed ({seeds[0]}): where a scenario has randomness, this is one draw of it, and "
             "there is no statement on spread."
         )
-    return [*found, _START, _STEADY]
-
-
-def _acceleration(run: ReportedRun) -> str:
-    scenario = run.record.spec.get("scenario")
-    return str(scenario.get("acceleration", "")) if isinstance(scenario, dict) else ""
+    return [*found, _START, _SEEDS, _STEADY]

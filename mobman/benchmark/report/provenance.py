@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 import platform
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mobman.benchmark.report.cells import unique
 from mobman.benchmark.report.content import ReportedRun
 from mobman.benchmark.report.format import UNDEFINED, count
-from mobman.benchmark.report.table import Row, Table, text
+from mobman.benchmark.report.table import Entry, Row, Table, text
 from mobman.simulation.provenance import machine
+
+UNKNOWN = "unknown"
+_FACTS = ("processor", "architecture", "system")
 
 
 @dataclass(frozen=True)
@@ -25,16 +28,16 @@ class Versions:
 
 def versions_of(runs: Sequence[ReportedRun]) -> Versions:
     """The versions in the runs' records."""
-    known = {name for run in runs for name in run.record.versions}
+    known = {name for run in runs for name in run.versions}
     first = {"mobman", "python"} & known
     names = sorted(first) + sorted(known - first)
     rows, mixed = [], []
     for name in names:
-        found = [run.record.versions.get(name, "unknown") for run in runs]
-        different = unique(found)
+        found = Counter(run.versions.get(name, UNKNOWN) for run in runs)
+        different = list(found)
         if len(different) > 1:
             mixed.append(name)
-            shown = ", ".join(f"{v} ({count(found.count(v), 'run')})" for v in different)
+            shown = ", ".join(f"{v} ({count(n, 'run')})" for v, n in found.items())
         else:
             shown = different[0]
         rows.append(Row(text(name), [text(shown, "bad" if len(different) > 1 else "")]))
@@ -45,6 +48,17 @@ def versions_of(runs: Sequence[ReportedRun]) -> Versions:
         else ""
     )
     return Versions(Table("Versions", [text("of"), text("version")], rows), warning)
+
+
+def machines_table(runs: Sequence[ReportedRun]) -> Table:
+    """The machines that the runs were computed on, as their records say it."""
+    counts = Counter(tuple(run.machine.get(name) or UNKNOWN for name in _FACTS) for run in runs)
+    rows = [
+        Row(text(facts[0]), [*(text(fact) for fact in facts[1:]), Entry(str(n))])
+        for facts, n in counts.most_common()
+    ]
+    columns = [*(text(name) for name in _FACTS), Entry("runs")]
+    return Table("Machines that the runs were computed on", columns, rows)
 
 
 def machine_table() -> Table:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from mobman.benchmark.report.cells import Group, unique
 from mobman.benchmark.report.content import ReportedRun
-from mobman.benchmark.report.format import UNDEFINED, listing, setting
+from mobman.benchmark.report.format import UNDEFINED, count, listing, number, setting
 from mobman.benchmark.report.table import Entry, Row, Table, text
 from mobman.controllers.gains import as_settings
 from mobman.controllers.protocol import controllers
@@ -34,10 +34,76 @@ class ControllerSettings:
     """None for a controller that does not tell its settings."""
 
 
-def settings_of(groups: Sequence[Group]) -> list[ControllerSettings]:
-    """The settings of every label that has a run."""
+def settings_of(
+    groups: Sequence[Group], tuned: Mapping[str, Mapping[str, Any]] | None = None
+) -> list[ControllerSettings]:
+    """The settings of every label that has a run.
+
+    Args:
+        groups: The runs.
+        tuned: By label, how its gains were tuned; see :class:`ReportedSuite`.
+    """
     labels = unique([label for group in groups for label in group.labels])
-    return [found for label in labels if (found := _settings(label, groups)) is not None]
+    found = [item for label in labels if (item := _settings(label, groups)) is not None]
+    return [
+        dataclasses.replace(item, remark=f"{_origin_of_tuned(tuned[item.label])} {item.remark}")
+        if tuned and item.label in tuned
+        else item
+        for item in found
+    ]
+
+
+def tuning_table(tuned: Mapping[str, Mapping[str, Any]]) -> Table | None:
+    """The budget of every tuned label, and what it brought; None if none was tuned."""
+    if not tuned:
+        return None
+    rows = []
+    for label, item in tuned.items():
+        space = item.get("space") or {}
+        rows.append(
+            Row(
+                text(label, label=label),
+                [
+                    text(str(item.get("label", UNDEFINED))),
+                    Entry(str(item.get("trials", UNDEFINED))),
+                    Entry(str(item.get("trial", UNDEFINED))),
+                    text(str(item.get("objective", UNDEFINED))),
+                    Entry(_score(item.get("score_default"))),
+                    Entry(_score(item.get("score"))),
+                    text(", ".join(f"{name} {_range(value)}" for name, value in space.items())),
+                ],
+            )
+        )
+    columns = [
+        text("tuned"),
+        text("gains of"),
+        Entry("trials"),
+        Entry("best trial"),
+        text("objective"),
+        Entry("score before"),
+        Entry("score after"),
+        text("ranges"),
+    ]
+    return Table("Budget of tuning; trial 0 is the gains as they were", columns, rows)
+
+
+def _origin_of_tuned(item: Mapping[str, Any]) -> str:
+    trials = item.get("trials")
+    budget = f" in {count(int(trials), 'trial')}" if isinstance(trials, int) else ""
+    return f"Tuned from {item.get('label', 'another')}{budget}."
+
+
+def _score(value: Any) -> str:
+    return number(float(value)) if isinstance(value, (int, float)) else UNDEFINED
+
+
+def _range(value: Any) -> str:
+    if isinstance(value, Mapping):
+        low, high = value.get("low"), value.get("high")
+        if low is not None and high is not None:
+            return f"{setting(low)} to {setting(high)}"
+        return ", ".join(f"{key} {setting(item)}" for key, item in value.items())
+    return setting(value)
 
 
 def _settings(label: str, groups: Sequence[Group]) -> ControllerSettings | None:
@@ -49,8 +115,8 @@ def _settings(label: str, groups: Sequence[Group]) -> ControllerSettings | None:
     if not columns:
         return None
     runs = [run for found in columns.values() for run in found]
-    law = runs[0].record.controller
-    names = unique([name for run in runs for name in run.record.settings])
+    law = runs[0].law
+    names = unique([name for run in runs for name in run.settings])
     if not names:
         return ControllerSettings(label, law, "It does not tell its settings.", None)
     fields, defaults = _declared(law)
@@ -72,7 +138,7 @@ def _settings(label: str, groups: Sequence[Group]) -> ControllerSettings | None:
 
 
 def _entry(name: str, runs: Sequence[ReportedRun], defaults: dict[str, Any]) -> tuple[Entry, str]:
-    values = unique([setting(run.record.settings.get(name)) for run in runs])
+    values = unique([setting(run.settings.get(name)) for run in runs])
     origin = _origin(name, runs[0], defaults)
     return Entry(listing(values), "best" if origin == "given" else "", unit=origin), origin
 
@@ -89,7 +155,7 @@ def _origin(name: str, run: ReportedRun, defaults: dict[str, Any]) -> str:
         return "default" if name in defaults else ""
     if name not in defaults:
         return ""
-    if run.record.settings.get(name) == defaults[name]:
+    if run.settings.get(name) == defaults[name]:
         return "default"
     # a number where the default is "auto" may be either
     return "auto or given" if defaults[name] == _AUTO else "given"

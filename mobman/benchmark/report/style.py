@@ -3,45 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from mobman.benchmark.report.cells import unique
+from mobman.benchmark.report.chart import Look, Marker
 from mobman.benchmark.report.content import ReportedRun
 
 # Okabe and Ito's palette, told apart with every kind of colour blindness; its yellow and its black
-# are left out, since one is lost on white and the other on dark pages.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#777777")
+# are left out, since one is lost on white and the other on dark pages. Beside each, the same hue for
+# dark pages.
+COLOURS = (
+    ("#0072b2", "#3f9fdd"),
+    ("#d55e00", "#ee7b30"),
+    ("#009e73", "#2cbf94"),
+    ("#cc79a7", "#dd95bd"),
+    ("#e69f00", "#eeb33a"),
+    ("#56b4e9", "#93d2f7"),
+    ("#777777", "#a9adb3"),
+)
+# Nine colours for motors: they never meet the controllers' in one figure.
+_MOTORS = (
+    ("#332288", "#8f83e0"),
+    ("#88ccee", "#88ccee"),
+    ("#117733", "#47b06a"),
+    ("#ddaa33", "#ddaa33"),
+    ("#cc6677", "#de8592"),
+    ("#aa4499", "#cd72bf"),
+    ("#44aa99", "#5fc4b4"),
+    ("#882255", "#c75f95"),
+    ("#777777", "#a9adb3"),
+)
+_MARKERS: tuple[Marker, ...] = ("circle", "square", "triangle", "diamond", "wedge", "plus", "star")
 
 # Curves often coincide: neighbours differ in width, the thinner above, so that all can be seen.
-_WIDTHS = (3.6, 2.3, 1.2)
-_SOLID = "solid"
-_EXPLICIT = (0.0, (4.0, 2.0))
-_AGAIN = (0.0, (6.0, 1.5, 1.0, 1.5))
+_WIDTHS = (3.2, 2.1, 1.2)
+_EXPLICIT = (4.0, 2.0)
+_AGAIN = (6.0, 1.5, 1.0, 1.5)
 
 
-@dataclass(frozen=True)
-class Style:
-    """How a controller's curves are drawn."""
-
-    colour: str
-    dashes: str | tuple[float, tuple[float, ...]]
-    """As matplotlib takes it."""
-    width: float
-    order: float
-    explicit: bool
-
-    @property
-    def dash_array(self) -> str:
-        """As SVG takes it; empty for a solid line."""
-        return "" if isinstance(self.dashes, str) else " ".join(f"{n:g}" for n in self.dashes[1])
-
-
-def styles_of(labels: Sequence[str], runs: Sequence[ReportedRun]) -> dict[str, Style]:
-    """A style for each label.
+def styles_of(labels: Sequence[str], runs: Sequence[ReportedRun]) -> dict[str, Look]:
+    """A look for each label.
 
     The explicit form of a law has the colour of its implicit form, dashed.
     """
-    laws = {run.label: run.record.controller for run in reversed(runs)}
+    laws = {run.label: run.law for run in reversed(runs)}
     explicit = {run.label for run in runs if run.explicit}
     sibling = {
         label: next(
@@ -57,15 +61,36 @@ def styles_of(labels: Sequence[str], runs: Sequence[ReportedRun]) -> dict[str, S
     }
     own = unique([sibling.get(label, label) for label in labels])
     styles = {}
-    for label in labels:
+    for index, label in enumerate(labels):
         place = own.index(sibling.get(label, label))
-        again = place >= len(COLOURS)
-        styles[label] = Style(
-            colour=COLOURS[place % len(COLOURS)],
-            dashes=_EXPLICIT if label in explicit else _AGAIN if again else _SOLID,
+        # every label of a colour has its own dashes, and its own marker
+        again = place // len(COLOURS)
+        colour, dark = COLOURS[place % len(COLOURS)]
+        dashes: tuple[float, ...] = tuple(2.0 * again * length for length in _AGAIN) or ()
+        dashes = _EXPLICIT if label in explicit else dashes if again else ()
+        styles[label] = Look(
+            key=f"k{index}",
+            colour=colour,
+            dark=dark,
+            dashes=dashes,
             width=1.1 if label in explicit else _WIDTHS[place % 3],
             # the explicit form beneath the others: it chatters over everything
             order=1.5 if label in explicit else 2.0 + 0.1 * (place % 3) + 0.001 * place,
-            explicit=label in explicit,
+            marker=_MARKERS[place % len(_MARKERS)],
+            hollow=label in explicit,
         )
     return styles
+
+
+def motor_looks(n: int) -> list[Look]:
+    """A look for each of n motors."""
+    return [
+        Look(
+            key=f"m{motor}",
+            colour=_MOTORS[motor % len(_MOTORS)][0],
+            dark=_MOTORS[motor % len(_MOTORS)][1],
+            dashes=(5.0, 2.0) if motor >= len(_MOTORS) else (),
+            width=1.2,
+        )
+        for motor in range(n)
+    ]

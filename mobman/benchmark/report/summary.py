@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from mobman.benchmark.report.cells import NOMINAL, Cell, Group, labels_of, unique
 from mobman.benchmark.report.content import FailedRun, ReportedRun
 from mobman.benchmark.report.format import count, listing, metric_value, number
-from mobman.benchmark.report.tables import successes, worst_error
+from mobman.benchmark.report.leaderboard import Leaderboard, Standing
+from mobman.benchmark.report.scores import Field, cell_error, worst_error
+from mobman.benchmark.report.tables import successes
 
 _SPACE = "\u00a0"  # holds a number and its unit together
 _ENDINGS = {"diverged": "diverged", "singular": "ended at a singularity"}
@@ -19,28 +22,140 @@ _PRICES = {
 }
 
 
+_FEW = 3  # groups that each get sentences of their own
+_MOST_NAMES = 5  # scenario families that are named in a sentence
+
+
 def summary_lines(
-    groups: Sequence[Group], runs: Sequence[ReportedRun], failures: Sequence[FailedRun]
+    groups: Sequence[Group],
+    runs: Sequence[ReportedRun],
+    failures: Sequence[FailedRun],
+    field: Field,
+    board: Leaderboard,
 ) -> list[str]:
     """Sentences on what came out, good and bad, for every controller alike."""
     if not runs and not failures:
         return ["There is no run to report."]
-    lines = [_counts(groups, runs, failures), _successes(groups, labels_of(runs, failures))]
+    lines = [_counts(groups, runs, failures)]
+    lines += _leader(field, board)
+    lines.append(_successes(groups, labels_of(runs, failures)))
     lines += _losses(runs, failures)
-    for group in groups:
-        lines += [line for line in (_nominal(group), _over_scenarios(group)) if line]
-    return lines + _prices(groups)
+    if len(groups) <= _FEW:
+        for group in groups:
+            lines += [line for line in (_nominal(group), _over_scenarios(group)) if line]
+        lines += _prices(groups)
+    return lines
+
+
+def _leader(field: Field, board: Leaderboard) -> list[str]:
+    """Who is ahead by how much, and where not."""
+    ahead = board.compared
+    if len(ahead) < 2 or not field.cells:
+        return []
+    first = ahead[0]
+    over = f"the {count(len(field.cells), 'cell')} that all were asked for"
+    if len(field.cells) == field.asked:
+        over = f"all {count(len(field.cells), 'cell')}"
+    if not math.isfinite(first.error.estimate):
+        return [f"Over {over}, no controller completes the middle half of the cells."]
+    # to the digits shown, several may be equal
+    leaders = [s for s in ahead if number(_estimate(s)) == number(_estimate(first))]
+    rest = [s for s in ahead if s not in leaders]
+    verb = "has" if len(leaders) == 1 else "have"
+    line = (
+        f"Over {over}, {listing([s.label for s in leaders])} {verb} the smallest steady |e^e| "
+        f"(geometric interquartile mean): {_metres(first)}"
+    )
+    if rest:
+        line += f"; then {rest[0].label}: {_metres(rest[0])}{_times(first, rest[0])}"
+    return [f"{line}. {_shared(first, ahead)}", *_weak(first, field, board)]
+
+
+def _shared(first: Standing, ahead: Sequence[Standing]) -> str:
+    tied = [s.label for s in ahead[1:] if s.ranks is not None and s.ranks[0] == 1]
+    if not tied:
+        return f"The cells settle that {first.label} is first."
+    if all(s.ranks == (1, len(ahead)) for s in ahead):
+        return "These cells are too few, or too alike in what they say, to settle any rank."
+    verb = "shares" if len(tied) == 1 else "share"
+    return (
+        f"The cells do not settle who is first: {listing(tied)} {verb} the possible rank 1 with "
+        f"{first.label}."
+    )
+
+
+def _weak(first: Standing, field: Field, board: Leaderboard) -> list[str]:
+    """Where the first is not the best, or fails."""
+    better: Counter[str] = Counter()
+    factors = []
+    for cell in field.cells:
+        own = cell_error(cell, first.label)
+        errors = {label: cell_error(cell, label) for label in field.labels}
+        best = min(errors.values())
+        if number(best) == number(own):  # equal to the digits shown
+            continue
+        better.update(label for label, value in errors.items() if number(value) == number(best))
+        factors.append(own / best)
+    if not factors:
+        return [f"In no cell has another controller a smaller error than {first.label}."]
+    factors.sort()
+    middle = factors[len(factors) // 2]
+    how = f"a factor of {number(middle, 2)} in the median"
+    if math.isinf(middle):
+        how = f"in {sum(map(math.isinf, factors))} of these it fails"
+    names = ", ".join(f"{label} ({n})" for label, n in better.most_common(3))
+    line = (
+        f"{first.label} is not the best in {len(factors)} of {len(field.cells)} cells, where the best "
+        f"are {names}; {how}."
+    )
+    families = [
+        f"{family.family} ({min(family.standings.values(), key=_estimate).label})"
+        for family in board.families
+        if _estimate(min(family.standings.values(), key=_estimate))
+        < 0.995 * _estimate(family.standings[first.label])
+    ]
+    if families:
+        more = f" and {len(families) - _MOST_NAMES} more" if len(families) > _MOST_NAMES else ""
+        line += f" By scenario family another leads in: {', '.join(families[:_MOST_NAMES])}{more}."
+    lines = [line]
+    if first.solved < first.cells:
+        lost = first.cells - first.solved
+        verb = "is" if lost == 1 else "are"
+        lines.append(
+            f"{lost} of {first.cells} cells {verb} not solved by {first.label} (a run that fails, or "
+            "does not settle below 1e-4 m)."
+        )
+    return lines
+
+
+def _estimate(standing: Standing) -> float:
+    return standing.error.estimate
+
+
+def _metres(standing: Standing) -> str:
+    error = standing.error
+    interval = f"{number(error.low, 2)} to {number(error.high, 2)}"
+    return f"{number(error.estimate)}{_SPACE}m (95{_SPACE}% interval {interval})"
+
+
+def _times(first: Standing, second: Standing) -> str:
+    factor = second.error.estimate / first.error.estimate
+    if not math.isfinite(factor) or factor < 1.005:
+        return ""
+    return f", {number(factor, 2)} times as much"
 
 
 def _counts(
     groups: Sequence[Group], runs: Sequence[ReportedRun], failures: Sequence[FailedRun]
 ) -> str:
     labels = len(labels_of(runs, failures))
+    periods = {cell.place.dt for group in groups for cell in group.cells}
+    what = "robot, task and scenario" if len(periods) == 1 else "robot, task, scenario and dt"
     cells = sum(len(group.cells) for group in groups)
-    seeds = len(unique([run.record.seed for run in runs] + [f.seed for f in failures]))
+    seeds = len(unique([run.seed for run in runs] + [f.seed for f in failures]))
     return (
         f"{count(len(runs) + len(failures), 'run')}: {count(labels, 'controller')} in "
-        f"{count(cells, 'cell')} (robot, task and scenario), {count(seeds, 'seed')}. A run succeeds "
+        f"{count(cells, 'cell')} ({what}), {count(seeds, 'seed')}. A run succeeds "
         "if it goes to its end and |e^e| stays below 1e-4 m from some time on."
     )
 
@@ -58,21 +173,27 @@ def _successes(groups: Sequence[Group], labels: Sequence[str]) -> str:
 
 def _losses(runs: Sequence[ReportedRun], failures: Sequence[FailedRun]) -> list[str]:
     lines = []
-    for status in unique([run.record.status for run in runs if not run.record.ok]):
-        ended = [run for run in runs if run.record.status == status]
+    for status in unique([run.status for run in runs if not run.ok]):
+        ended = [run for run in runs if run.status == status]
         by_label = [
             f"{label} ({sum(run.label == label for run in ended)})"
             for label in unique([run.label for run in ended])
         ]
         how = _ENDINGS.get(status, f"ended early ({status})")
         lines.append(f"{count(len(ended), 'run')} {how}: {listing(by_label)}.")
-    if failures:
+    lost = sum(not failure.pending for failure in failures)
+    if lost:
+        verb = "is" if lost == 1 else "are"
         lines.append(
-            f"{count(len(failures), 'run')} gave no result by a fault of the software, and is "
+            f"{count(lost, 'run')} gave no result by a fault of the software or the machine, and {verb} "
             "counted as not succeeded."
-            if len(failures) == 1
-            else f"{len(failures)} runs gave no result by a fault of the software, and are counted as "
-            "not succeeded."
+        )
+    pending = len(failures) - lost
+    if pending:
+        verb = "was" if pending == 1 else "were"
+        lines.append(
+            f"{count(pending, 'run')} {verb} not done: the suite is not complete, and every "
+            "controller's missing runs count as failures. Complete it before comparing."
         )
     return lines
 
@@ -95,7 +216,7 @@ def _over_scenarios(group: Group) -> str:
     for label in group.labels:
         errors = [(found[label], cell) for cell in group.cells if (found := _errors(cell, [label]))]
         worst[label], cell = max(errors, key=lambda item: item[0])
-        where[label] = cell.scenario
+        where[label] = cell.variant
     notes = {label: f", {where[label]}" for label in group.labels}
     if not any(math.isfinite(value) for value in worst.values()):
         return f"{group.name}: no controller completes every scenario."
@@ -146,7 +267,7 @@ def _prices(groups: Sequence[Group]) -> list[str]:
         parts = [
             f"{what} {_spread(name, low, high)}"
             for name, what, low, high in ranges
-            if math.isfinite(low.record.metrics.get(name, math.nan))
+            if math.isfinite(low.metric(name))
         ]
         if parts:
             lines.append(f"{group.name}, nominal, cost of success: {'; '.join(parts)}.")
@@ -155,14 +276,14 @@ def _prices(groups: Sequence[Group]) -> list[str]:
 
 def _range(runs: Sequence[ReportedRun], name: str) -> tuple[ReportedRun, ReportedRun]:
     def value(run: ReportedRun) -> float:
-        return run.record.metrics.get(name, math.nan)
+        return run.metric(name)
 
     return min(runs, key=value), max(runs, key=value)
 
 
 def _spread(name: str, low: ReportedRun, high: ReportedRun) -> str:
     unit = _SPACE + "µs" if name == "compute_time_median" else ""
-    least, most = (metric_value(name, run.record.metrics[name]) + unit for run in (low, high))
+    least, most = (metric_value(name, run.metrics[name]) + unit for run in (low, high))
     if least == most:
         return f"{least} for all"
     return f"{least} ({low.label}) to {most} ({high.label})"

@@ -8,16 +8,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from mobman.benchmark.report.cells import Cell, Group, unique
-from mobman.benchmark.report.content import FailedRun, ReportedRun
+from mobman.benchmark.report.content import FailedRun, ReportedRun, UnusedFile
 from mobman.benchmark.report.format import (
     UNDEFINED,
-    end_time,
+    cut,
     ending,
     instant,
     metric_unit,
     metric_value,
     number,
 )
+from mobman.benchmark.report.scores import worst_error
 from mobman.benchmark.report.table import Entry, Row, Table, heading, text
 from mobman.simulation.metrics.metric import Metric, list_metrics
 
@@ -28,24 +29,43 @@ _SECTIONS = {
     "consistency": "Consistency of the simulation",
     "timing": "Computing time",
 }
+_MOST_COLUMNS = 8  # scenarios that stand side by side
+_LONGEST = 400  # characters of a reason
 _NOT_RANKED = "consistency"  # says something of the integrator, not of the controller
 
 
 def summary_table(group: Group) -> Table:
-    """Controller x scenario: the largest steady task error, the worst of the seeds."""
-    scenarios = [cell.scenario for cell in group.cells]
-    columns = [text("controller"), *map(Entry, scenarios), Entry("succeeded")]
-    best = {cell.scenario: _best_of_summary(cell, group.labels) for cell in group.cells}
-    rows = []
-    for label in group.labels:
-        entries = [
-            _summary_entry(cell.of(label), cell.failures_of(label), best[cell.scenario])
-            for cell in group.cells
+    """Controllers and scenarios of a group: the largest steady task error, the worst of the seeds.
+
+    Scenarios are in columns, or in rows where there are many.
+    """
+    cells = group.cells
+    best = {cell.place: _best_of_summary(cell) for cell in cells}
+    entries = {
+        (cell.place, label): _summary_entry(
+            cell.of(label), cell.failures_of(label), best[cell.place]
+        )
+        for cell in cells
+        for label in group.labels
+    }
+    score = {label: successes(cells, label) for label in group.labels}
+    totals = [
+        Entry(f"{won} of {asked}", "" if won == asked else "bad") for won, asked in score.values()
+    ]
+    caption = "Largest |e^e| in the steady part (m)"
+    if len(cells) <= _MOST_COLUMNS:
+        columns = [text("controller"), *(Entry(cell.variant) for cell in cells), Entry("succeeded")]
+        rows = [
+            Row(text(label, label=label), [*(entries[cell.place, label] for cell in cells), total])
+            for label, total in zip(group.labels, totals, strict=True)
         ]
-        won, asked = successes(group.cells, label)
-        entries.append(Entry(f"{won} of {asked}", "" if won == asked else "bad"))
-        rows.append(Row(text(label, label=label), entries))
-    return Table("Largest |e^e| in the steady part (m)", columns, rows)
+        return Table(caption, columns, rows)
+    columns = [text("scenario"), *(Entry(label, label=label) for label in group.labels)]
+    rows = [
+        Row(text(cell.variant), [entries[cell.place, label] for label in group.labels])
+        for cell in cells
+    ]
+    return Table(caption, columns, [*rows, Row(text("succeeded"), totals)])
 
 
 def successes(cells: Sequence[Cell], label: str) -> tuple[int, int]:
@@ -55,21 +75,15 @@ def successes(cells: Sequence[Cell], label: str) -> tuple[int, int]:
     return sum(run.succeeded for run in runs), len(runs) + lost
 
 
-def worst_error(runs: Sequence[ReportedRun]) -> float:
-    """The largest steady task error (m); inf where a run did not go to its end."""
-    errors = [run.record.metrics.get("task_error_max", math.inf) for run in runs]
-    return math.inf if any(math.isnan(error) for error in errors) else max(errors, default=math.inf)
-
-
 def metrics_table(cell: Cell) -> Table:
     """Every metric of every run of a cell; failures have a column too."""
-    seeds = {run.record.seed for run in cell.runs} | {lost.seed for lost in cell.failures}
+    seeds = {run.seed for run in cell.runs} | {lost.seed for lost in cell.failures}
     several = len(seeds) > 1
     columns = [text("metric"), text("unit")]
     outcomes = []
     for run in cell.runs:
-        columns.append(Entry(_with_seed(run.label, run.record.seed, several), label=run.label))
-        outcomes.append(Entry(ending(run), "" if run.record.ok else "bad", run.record.message))
+        columns.append(Entry(_with_seed(run.label, run.seed, several), label=run.label))
+        outcomes.append(Entry(ending(run), "" if run.ok else "bad", run.message))
     for lost in cell.failures:
         columns.append(Entry(_with_seed(lost.label, lost.seed, several), label=lost.label))
         outcomes.append(Entry("failed", "bad", lost.reason))
@@ -94,27 +108,20 @@ def metrics_table(cell: Cell) -> Table:
     return Table(f"{cell.name}: every metric", columns, rows)
 
 
-def failures_table(groups: Sequence[Group]) -> Table:
+def endings_table(groups: Sequence[Group]) -> Table:
     """Every run that did not go to its end, with when and why."""
     columns = ["robot", "task", "scenario", "controller", "seed", "outcome", "at", "reason"]
     rows = []
     for cell in (cell for group in groups for cell in group.cells):
         for run in cell.runs:
-            if run.record.ok:
+            if run.ok:
                 continue
+            reason = cut(run.message or "no reason given", _LONGEST)
             entries = [
-                *_place(cell, run.label, run.record.seed),
-                text(run.record.status, "bad"),
-                Entry(instant(end_time(run))),
-                text(run.record.message or "no reason given", link=run.file),
-            ]
-            rows.append(Row(text(cell.robot), entries))
-        for failure in cell.failures:
-            entries = [
-                *_place(cell, failure.label, failure.seed),
-                text("failed", "bad"),
-                Entry(UNDEFINED),
-                text(failure.reason or "no reason given"),
+                *_place(cell, run.label, run.seed),
+                text(run.status, "bad"),
+                Entry(instant(run.end)),
+                text(reason, link=run.file),
             ]
             rows.append(Row(text(cell.robot), entries))
     numbers = ("seed", "at")
@@ -122,23 +129,75 @@ def failures_table(groups: Sequence[Group]) -> Table:
     return Table("When and why each of them ended", heads, rows)
 
 
-def replays_table(groups: Sequence[Group]) -> Table:
-    """How to look at each run: the command, and the page where there is one."""
-    paged = any(run.replay for group in groups for cell in group.cells for run in cell.runs)
-    columns = ["robot", "task", "scenario", "controller", "seed", "outcome", "command"]
+def losses_table(groups: Sequence[Group]) -> Table:
+    """Every run without a result, and why."""
     rows = []
     for cell in (cell for group in groups for cell in group.cells):
-        for run in cell.runs:
-            if not run.command:
-                continue
-            entries = [
-                *_place(cell, run.label, run.record.seed),
-                text(ending(run), "" if run.record.ok else "bad"),
-                text(run.command),
-            ]
-            if paged:
-                entries.append(text("replay" if run.replay else UNDEFINED, link=run.replay))
+        for failure in cell.failures:
+            state = text("not run", "faint") if failure.pending else text("failed", "bad")
+            reason = cut(failure.reason or "no reason given", _LONGEST)
+            entries = [*_place(cell, failure.label, failure.seed), state, text(reason)]
             rows.append(Row(text(cell.robot), entries))
+    names = ["robot", "task", "scenario", "controller", "seed", "outcome", "reason"]
+    heads = [Entry(name, number=name == "seed") for name in names]
+    return Table("Why each of them has no result", heads, rows)
+
+
+def unused_table(files: Sequence[UnusedFile]) -> Table:
+    """Files among the records that could not be used."""
+    rows = [Row(text(item.file), [text(cut(item.reason, _LONGEST))]) for item in files]
+    return Table("What is wrong with each of them", [text("file"), text("reason")], rows)
+
+
+def endings_by_reason(groups: Sequence[Group]) -> Table:
+    """How many runs of each controller ended how; for where single ones are too many."""
+    counts: dict[tuple[str, str], list[int]] = {}
+    labels = unique([label for group in groups for label in group.labels])
+    for group in groups:
+        for cell in group.cells:
+            for label in cell.labels:
+                for run in cell.of(label):
+                    if not run.ok:
+                        counts.setdefault((label, run.status), [0])[0] += 1
+                lost = cell.failures_of(label)
+                for pending in (False, True):
+                    n = sum(item.pending == pending for item in lost)
+                    if n:
+                        kind = "not run" if pending else "failed"
+                        counts.setdefault((label, kind), [0])[0] += n
+    kinds = unique([kind for _, kind in counts])
+    rows = [
+        Row(
+            text(label, label=label),
+            [Entry(str(counts.get((label, kind), [0])[0])) for kind in kinds],
+        )
+        for label in labels
+        if any(other == label for other, _ in counts)
+    ]
+    return Table("How many ended how", [text("controller"), *map(Entry, kinds)], rows)
+
+
+def replays_table(groups: Sequence[Group], most: int) -> Table:
+    """How to look at each run: the command, and the page where there is one.
+
+    Where there are more than so many runs: those that ended early, and those with a page.
+    """
+    cells = [cell for group in groups for cell in group.cells]
+    runs = [(cell, run) for cell in cells for run in cell.runs if run.command]
+    if len(runs) > most:
+        runs = [(cell, run) for cell, run in runs if run.replay or not run.ok][:most]
+    paged = any(run.replay for _, run in runs)
+    columns = ["robot", "task", "scenario", "controller", "seed", "outcome", "command"]
+    rows = []
+    for cell, run in runs:
+        entries = [
+            *_place(cell, run.label, run.seed),
+            text(ending(run), "" if run.ok else "bad"),
+            text(run.command),
+        ]
+        if paged:
+            entries.append(text("replay" if run.replay else UNDEFINED, link=run.replay))
+        rows.append(Row(text(cell.robot), entries))
     heads = [Entry(name, number=name == "seed") for name in columns]
     heads += [text("page")] if paged else []
     return Table("How to look at each run", heads, rows)
@@ -161,10 +220,10 @@ def timing_table(groups: Sequence[Group]) -> Table:
                 if group.robot == robot
                 for cell in group.cells
                 for run in cell.of(label)
-                if run.record.ok  # a few ticks before a divergence say nothing
+                if run.ok  # a few ticks before a divergence say nothing
             ]
             for name in ("compute_time_median", "compute_time_p99"):
-                times = [run.record.metrics.get(name, math.nan) for run in runs]
+                times = [run.metrics.get(name, math.nan) for run in runs]
                 times = [time for time in times if math.isfinite(time)]
                 value = float(np.median(times)) if times else math.nan
                 entries.append(Entry(metric_value(name, value)))
@@ -191,30 +250,31 @@ def definitions_table() -> Table:
 
 def _summary_entry(runs: Sequence[ReportedRun], failures: Sequence[FailedRun], best: str) -> Entry:
     if not runs and not failures:
-        return Entry("not run", "faint")
+        return Entry("not asked", "faint")
     if failures:
-        return Entry("failed", "bad", failures[0].reason)
-    ended = [run for run in runs if not run.record.ok]
+        pending = all(failure.pending for failure in failures)
+        return Entry("not run" if pending else "failed", "bad", cut(failures[0].reason, _LONGEST))
+    ended = [run for run in runs if not run.ok]
     if ended:
         some = f" ({len(ended)} of {len(runs)} seeds)" if len(runs) > 1 else ""
-        return Entry(f"{ending(ended[0])}{some}", "bad", ended[0].record.message)
+        return Entry(f"{ending(ended[0])}{some}", "bad", ended[0].message)
     error = number(worst_error(runs))
     if all(run.succeeded for run in runs):
         return Entry(error, "best" if error == best else "")
     return Entry(error, "bad", "|e^e| did not settle below 1e-4 m")
 
 
-def _best_of_summary(cell: Cell, labels: Sequence[str]) -> str:
+def _best_of_summary(cell: Cell) -> str:
     errors = [
         worst_error(cell.of(label))
-        for label in labels
+        for label in cell.labels
         if cell.of(label) and not cell.failures_of(label)
     ]
     return number(min(errors, default=math.nan))
 
 
 def _metric_row(metric: Metric, cell: Cell, *, ranked: bool) -> Row:
-    values = [run.record.metrics.get(metric.name, math.nan) for run in cell.runs]
+    values = [run.metrics.get(metric.name, math.nan) for run in cell.runs]
     # cheap motion is no merit of a run that misses its task
     rivals = [
         value
@@ -242,7 +302,7 @@ def _known(runs: Sequence[ReportedRun]) -> list[Metric]:
     """The registered metrics, and what records hold beside them, of another version perhaps."""
     known = _in_sections(list_metrics())
     names = {metric.name for metric in known}
-    others = unique([name for run in runs for name in run.record.metrics if name not in names])
+    others = unique([name for run in runs for name in run.metrics if name not in names])
     return known + [Metric(name, "", "not known to this version", "", _unknown) for name in others]
 
 
@@ -261,7 +321,7 @@ def _in_sections(metrics: Sequence[Metric]) -> list[Metric]:
 
 
 def _place(cell: Cell, label: str, seed: int) -> list[Entry]:
-    return [text(cell.task), text(cell.scenario), text(label, label=label), Entry(str(seed))]
+    return [text(cell.task), text(cell.variant), text(label, label=label), Entry(str(seed))]
 
 
 def _with_seed(label: str, seed: int, several: bool) -> str:

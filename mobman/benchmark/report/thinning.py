@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from mobman.arrays import Array
@@ -18,20 +16,22 @@ def thin(t: Array, values: Array, columns: int = 500) -> tuple[Array, Array]:
     Args:
         t: Increasing, shape (n,).
         values: Shape (n,).
-        columns: How many columns the whole of t is divided into.
+        columns: How many columns the whole of t is divided into, at most.
     """
     n = len(t)
     if n <= 2 * columns:
         return t, values
-    starts = np.linspace(0, n, columns + 1).astype(int)
-    kept = {0, n - 1}
-    for start, end in pairwise(starts):
-        part = values[start:end]
-        finite = np.isfinite(part)
-        if not finite.all():
-            kept.add(int(start + np.argmin(finite)))
-        if finite.any():
-            kept.add(int(start + np.argmin(np.where(finite, part, np.inf))))
-            kept.add(int(start + np.argmax(np.where(finite, part, -np.inf))))
-    indices = np.array(sorted(kept))
-    return t[indices], values[indices]
+    wide = -(-n // columns)
+    rows = -(-n // wide)
+    padded = np.full(rows * wide, np.nan)
+    padded[:n] = values
+    block = padded.reshape(rows, wide)
+    finite = np.isfinite(block)
+    first = wide * np.arange(rows)
+    some = finite.any(axis=1)
+    least = first + np.where(finite, block, np.inf).argmin(axis=1)
+    largest = first + np.where(finite, block, -np.inf).argmax(axis=1)
+    # what fills the last row up is a gap too, but not one of the curve's
+    gaps = (first + finite.argmin(axis=1))[~finite.all(axis=1)]
+    kept = np.unique(np.concatenate([[0, n - 1], least[some], largest[some], gaps[gaps < n]]))
+    return t[kept], values[kept]
