@@ -201,7 +201,16 @@ def _reason(start: bytes, error: OSError) -> str:
 
 def _summary(file: h5py.File, path: Path) -> RecordSummary:
     _check_version(file, path)
-    texts = ("status", "message", "robot", "controller", "task", "scenario", "state_sha256")
+    texts = (
+        "status",
+        "message",
+        "robot",
+        "controller",
+        "task",
+        "scenario",
+        "state_sha256",
+        "created",
+    )
     return RecordSummary(
         seed=int(file.attrs["seed"]),
         metrics=_metrics(file),
