@@ -12,13 +12,13 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from mobman.benchmark.fingerprint import fingerprint
 from mobman.benchmark.grid import chosen, expand
 from mobman.benchmark.run_spec import RunSpec
 from mobman.controllers.protocol import controllers, make_controller
 from mobman.errors import MobmanError, SpecError, UnknownNameError
 from mobman.model.build import load_robot
 from mobman.robots.catalogue import find_spec, list_robots
-from mobman.robots.urdf.file import urdf_sources
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.task import check_parameters, make_task, task_parameters, tasks
 from mobman.toml_model import validate
@@ -136,7 +136,7 @@ class Expansion:
         """What makes a run of a place; each thing that several runs share is made once."""
         suite = self._suite
         robots: dict[str, Any] = {
-            name: self._try(f"robot {name!r}", _fingerprint, name)
+            name: self._try(f"robot {name!r}", _fingerprint_of, name)
             for name in dict.fromkeys(place.robot for place in places)
         }
         scenarios: dict[str, Any] = {
@@ -368,11 +368,8 @@ def _last(values: Iterator[Any]) -> Any:
     return [value for value in values if value is not None][-1]
 
 
-def _fingerprint(robot: str) -> str:
-    spec = find_spec(robot)
-    text = json.dumps(spec.model_dump(mode="json", by_alias=True), sort_keys=True)
-    urdf = urdf_sources(spec).sha256()
-    return hashlib.sha256((text + urdf).encode()).hexdigest()[:16]
+def _fingerprint_of(robot: str) -> str:
+    return fingerprint(find_spec(robot))
 
 
 def _code(*things: Any) -> str:

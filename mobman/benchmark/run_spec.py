@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 _NO_PART_OF_THE_RESULT = ("label", "gains", "task", "family", "compression")
@@ -60,7 +61,7 @@ class RunSpec:
     version: str
     """mobman's: another version may give other numbers."""
 
-    @property
+    @cached_property
     def run_id(self) -> str:
         """Hash of all that the result depends on."""
         content = {

@@ -2,238 +2,201 @@
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
 import os
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
 from typing import Any
 
 from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.running.given import Given
+from mobman.benchmark.running.job import Job, Result, this_process
+from mobman.benchmark.running.local import Local, default_workers
+from mobman.benchmark.running.loop import results
+from mobman.benchmark.running.outcome import (
+    Again,
+    Ended,
+    Event,
+    Outcome,
+    Running,
+    Started,
+    Summary,
+    Waiting,
+)
+from mobman.benchmark.running.parcel import Parcel
+from mobman.benchmark.running.place import Place
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import Suite
-from mobman.controllers.protocol import controllers, make_controller
+from mobman.controllers.protocol import controllers
+from mobman.errors import MobmanError, UsageError
 from mobman.kernels.ahead import compile_ahead, compiled_ahead
-from mobman.model.build import load_robot
 from mobman.robots.catalogue import find_spec
-from mobman.robots.spec import RobotSpec
-from mobman.simulation.closed_loop import simulate
-from mobman.simulation.scenario import Scenario
-from mobman.tasks.task import TaskFactory, tasks
+from mobman.tasks.task import tasks
+from mobman.version import __version__
 
-# One thread a worker: the matrices are small, and the workers use all cores already.
-_ONE_THREAD = dict.fromkeys(
-    (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-    ),
-    "1",
-)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How one run went."""
-
-    run: RunSpec
-    status: str
-    """The record's, or ``"failed"`` if there is none."""
-    message: str
-    task_error: float
-    """Its metric task_error_max (m); NaN if there is no record."""
-
-
-@dataclass
-class Summary:
-    """How a suite went."""
-
-    asked: int = 0
-    skipped: int = 0
-    seconds: float = 0.0
-    outcomes: list[Outcome] = field(default_factory=list)
-
-    @property
-    def failed(self) -> list[Outcome]:
-        """Runs without a result."""
-        return [outcome for outcome in self.outcomes if outcome.status == "failed"]
-
-
-def default_workers() -> int:
-    """One for each core that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+__all__ = [
+    "Again",
+    "Ended",
+    "Event",
+    "Outcome",
+    "Running",
+    "Started",
+    "Summary",
+    "Waiting",
+    "default_workers",
+    "run_suite",
+]
 
 
 def run_suite(
     suite: Suite,
     folder: str | os.PathLike[str],
     *,
+    executor: Executor | Callable[[], Executor] | None = None,
     workers: int | None = None,
+    dask: str | None = None,
     fresh: bool = False,
-    on_start: Callable[[int, int], None] | None = None,
-    on_done: Callable[[Outcome], None] | None = None,
+    part: tuple[int, int] | None = None,
+    time_limit: float | None = None,
+    on_event: Callable[[Event], None] | None = None,
 ) -> Summary:
     """Run what a suite asks for and is not in the folder yet.
+
+    By default in processes of this machine. Only this process writes to the folder; workers send what
+    they have, and need no file system in common with it.
 
     Args:
         suite: The suite.
         folder: Where its results are kept; see :class:`Store`.
+        executor: What does the runs instead; or a function that makes it, so that it can be replaced
+            when it breaks.
         workers: Processes; one for each core by default.
+        dask: Address of the scheduler of a Dask cluster that does the runs instead.
         fresh: Run everything anew.
-        on_start: Called with the number of runs and how many of them are there already.
-        on_done: Called after each run.
+        part: ``(k, n)``: only every n-th run, from the k-th on, the first being 1; so that n machines
+            share a suite.
+        time_limit: Wall time that a run may take (s); the suite's by default.
+        on_event: Is told what happens.
 
     Raises:
         SpecError: If the suite names what is not there.
-        MobmanError: If the folder cannot be used.
+        MobmanError: If the folder cannot be used, or the executor or cluster is lost; what was done
+            is kept.
+        UsageError: If an argument makes no sense.
     """
-    workers = default_workers() if workers is None else workers
-    runs = suite.runs()
+    limit = suite.time_limit if time_limit is None else time_limit
+    if not limit > 0:
+        raise UsageError(f"time_limit = {limit!r}: must be above 0 s")
+    tell = on_event or _nothing
+    asked = suite.runs()
+    runs = asked if part is None else _part(asked, *part)
     store = Store(folder)
-    store.begin(suite, runs)
+    store.begin(suite, asked)
     if fresh:
-        for run in runs:
-            store.path(run).unlink(missing_ok=True)
+        store.forget(runs)
     todo = [run for run in runs if not store.done(run)]
     summary = Summary(asked=len(runs), skipped=len(runs) - len(todo))
-    if on_start is not None:
-        on_start(summary.asked, summary.skipped)
-    if todo and not compiled_ahead():
-        compile_ahead()  # here and once, instead of in every worker
+    tell(Started(summary.asked, summary.skipped, tuple(todo)))
     started = time.monotonic()
-    with _one_thread():
-        for outcome in _in_parallel(todo, store, workers):
-            summary.outcomes.append(outcome)
-            if on_done is not None:
-                on_done(outcome)
+    if todo:
+        with _place(executor, workers, dask, len(todo), limit) as place:
+            try:
+                _run(todo, place, store, limit, summary, tell)
+            except MobmanError as error:
+                raise MobmanError(
+                    f"{error}; the suite stopped: {len(summary.outcomes)} of {len(todo)} runs were done "
+                    f"and are kept in {store.folder}, and it goes on from there when started again"
+                ) from error
     summary.seconds = time.monotonic() - started
-    for outcome in summary.failed:
-        store.fail(outcome.run, outcome.message)
-    store.finish(summary.seconds if summary.outcomes else None, workers)
+    store.finish(
+        summary.seconds if summary.outcomes else None, summary.workers if summary.outcomes else None
+    )
     return summary
 
 
-def _in_parallel(todo: list[RunSpec], store: Store, workers: int) -> Iterator[Outcome]:
-    """The outcomes, as they come; a run that kills its process costs nothing but itself."""
-    left = {run.run_id: run for run in todo}
-    while left:
-        try:
-            for outcome in _pool(list(left.values()), store, workers):
-                del left[outcome.run.run_id]
-                yield outcome
-        except BrokenProcessPool:
-            # One of those in progress killed its process (out of memory, say); they are the first
-            # that are left. Alone in a process of its own, the culprit shows itself.
-            for run in list(left.values())[: workers + 1]:
-                yield _alone(run, store)
-                del left[run.run_id]
+def _place(
+    executor: Executor | Callable[[], Executor] | None,
+    workers: int | None,
+    dask: str | None,
+    runs: int,
+    limit: float,
+) -> Place:
+    given = {"executor": executor, "workers": workers, "dask": dask}
+    chosen = [name for name, value in given.items() if value is not None]
+    if len(chosen) > 1:
+        raise UsageError(f"{' and '.join(chosen)} are given: choose one of them")
+    if dask is not None:
+        from mobman.benchmark.running.cluster import Cluster
+
+        return Cluster(dask)
+    if not compiled_ahead():
+        compile_ahead()  # here and once, instead of in every worker
+    if executor is not None:
+        return Given(executor)
+    count = default_workers() if workers is None else workers
+    if count < 1:
+        raise UsageError(f"workers = {count!r}: must be 1 or more")
+    return Local(min(count, runs), limit)
 
 
-def _alone(run: RunSpec, store: Store) -> Outcome:
-    try:
-        return next(_pool([run], store, 1))
-    except BrokenProcessPool:
-        return Outcome(run, "failed", "its process was killed (out of memory?)", float("nan"))
+def _run(
+    todo: list[RunSpec],
+    place: Place,
+    store: Store,
+    limit: float,
+    summary: Summary,
+    tell: Callable[[Event], None],
+) -> None:
+    jobs = _jobs(todo, limit, place.dumps())
+    place.prepare(list({id(p): p for job in jobs for p in (job.robot, job.law, job.task)}.values()))
+    for news in results(jobs, place):
+        if not isinstance(news, tuple):
+            if isinstance(news, Running):
+                summary.workers = max(summary.workers, news.count)
+            tell(news)
+            continue
+        job, result = news
+        _keep(job.run, result, store)
+        outcome = Outcome(job.run, result.status, result.message, result.task_error)
+        summary.outcomes.append(outcome)
+        tell(Ended(outcome))
 
 
-def _pool(todo: list[RunSpec], store: Store, workers: int) -> Iterator[Outcome]:
-    # "spawn": a worker starts clean, with one thread, whatever this process has loaded
-    executor = ProcessPoolExecutor(
-        min(workers, len(todo)),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-    )
-    try:
-        futures = [
-            executor.submit(
-                perform,
-                run,
-                find_spec(run.robot),
-                controllers.get(run.law),
-                tasks.get(run.task),
-                store.path(run),
-            )
-            for run in todo
-        ]
-        for future in as_completed(futures):
-            yield future.result()
-    except BrokenProcessPool:
-        raise
-    except BaseException:
-        # Ctrl-C, or an error: runs in progress are worthless half done, so do not wait for them
-        for process in list((executor._processes or {}).values()):
-            process.terminate()
-        raise
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
+def _keep(run: RunSpec, result: Result, store: Store) -> None:
+    if result.content is None:
+        store.fail(run, result.message)
+    else:
+        store.keep(run, result.content)
 
 
-def perform(
-    run: RunSpec, robot: RobotSpec, law: type[Any], factory: TaskFactory, path: Path
-) -> Outcome:
-    """Do one run and keep its record; what goes wrong is an outcome, not an exception.
+def _jobs(runs: Iterable[RunSpec], time_limit: float, dumps: Callable[[Any], bytes]) -> list[Job]:
+    """The runs with what their names mean here."""
+    parcels: dict[tuple[str, str], Parcel] = {}
 
-    Args:
-        run: What to do.
-        robot: What its robot's name means where the suite was started; this process may not know.
-        law: The same for its law.
-        factory: The same for its task.
-        path: Where the record goes.
-    """
-    try:
-        controllers.register(run.law, law)
-        tasks.register(run.task, factory)
-        record = simulate(
-            load_robot(robot),
-            make_controller(run.law, **run.gains),
-            run.task,
-            duration=run.duration,
-            dt=run.dt,
-            scenario=Scenario.model_validate(run.scenario),
-            seed=run.seed,
+    def parcel(kind: str, name: str, find: Callable[[str], Any]) -> Parcel:
+        if (kind, name) not in parcels:
+            parcels[kind, name] = Parcel(f"{kind} {name!r}", find(name), dumps)
+        return parcels[kind, name]
+
+    return [
+        Job(
+            run=run,
+            robot=parcel("robot", run.robot, find_spec),
+            law=parcel("controller", run.law, controllers.get),
+            task=parcel("task", run.task_name, tasks.get),
+            time_limit=time_limit,
+            version=__version__,
+            origin=this_process(),
         )
-        record.save(path, every=run.record_every)
-    except Exception as error:
-        # a robot that does not load, a bug in a plugin, a full disk: this run's matter alone
-        return Outcome(run, "failed", f"{type(error).__name__}: {error}", float("nan"))
-    return Outcome(
-        run, record.status, record.message, record.metrics.get("task_error_max", float("inf"))
-    )
+        for run in runs
+    ]
 
 
-def _start_worker() -> None:
-    # Ctrl-C goes to the whole process group; only the parent acts on it
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def _part(runs: list[RunSpec], k: int, n: int) -> list[RunSpec]:
+    if not 1 <= k <= n:
+        raise UsageError(f"part {k}/{n}: the first number must be from 1 to the second")
+    return runs[k - 1 :: n]
 
 
-def _end_with_parent() -> None:
-    """A worker whose parent was killed would wait for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+def _nothing(event: Event) -> None:
+    """Nobody listens."""

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from mobman.cli.bench_merge import merge_command
+from mobman.cli.bench_progress import SuiteProgress
 from mobman.cli.bench_suites import list_command, show_command
 from mobman.cli.bench_tune import tune
-from mobman.cli.output import console, number
+from mobman.cli.interruption import interrupted_once
 
-if TYPE_CHECKING:
-    from mobman.benchmark.runner import Outcome
+
+def _part(
+    context: click.Context, parameter: click.Parameter, value: str | None
+) -> tuple[int, int] | None:
+    """K/N as a pair of numbers."""
+    if value is None:
+        return None
+    first, _, count = value.partition("/")
+    if not (first.isdecimal() and count.isdecimal() and 1 <= int(first) <= int(count)):
+        raise click.BadParameter(f"{value!r} is no part: give K/N with K from 1 to N, such as 2/4")
+    return int(first), int(count)
 
 
 @click.group()
@@ -44,46 +45,73 @@ bench.add_command(tune)
     help="Folder of the results; results/SUITE by default.",
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; one a core by default.")
+@click.option(
+    "--dask", metavar="ADDRESS", help="Run on the cluster of this Dask scheduler (tcp://host:8786)."
+)
 @click.option("--fresh", is_flag=True, help="Run everything anew, also what is there already.")
-def run_command(suite: str, output: Path | None, workers: int | None, fresh: bool) -> None:
+@click.option(
+    "--part", metavar="K/N", callback=_part, help="Every N-th run, from the K-th on; no report."
+)
+@click.option(
+    "--time-limit",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Wall time that a run may take (s); the suite's by default.",
+)
+def run_command(
+    suite: str,
+    output: Path | None,
+    workers: int | None,
+    dask: str | None,
+    fresh: bool,
+    part: tuple[int, int] | None,
+    time_limit: float | None,
+) -> None:
     """Run SUITE (a name or a TOML file) and write its report.
 
     What is in the folder already is not run again: after Ctrl-C the same command goes on. Exit
     status 1 if a run gave no result; a run that diverged is a result.
     """
-    from mobman.benchmark.runner import default_workers, run_suite
+    from mobman.benchmark.runner import run_suite
     from mobman.benchmark.suite import load_suite
 
     chosen = load_suite(suite)
     folder = output or Path("results") / chosen.name
-    count = default_workers() if workers is None else workers
-    display = _Display()
-    try:
-        with display:
-            summary = run_suite(
-                chosen,
-                folder,
-                workers=count,
-                fresh=fresh,
-                on_start=display.start,
-                on_done=display.done,
+    display = SuiteProgress()
+    with interrupted_once():
+        try:
+            with display:
+                summary = run_suite(
+                    chosen,
+                    folder,
+                    workers=workers,
+                    dask=dask,
+                    fresh=fresh,
+                    part=part,
+                    time_limit=time_limit,
+                    on_event=display.tell,
+                )
+        except KeyboardInterrupt:
+            click.echo(
+                f"mobman: interrupted after {display.there} of {display.asked} runs; what was done is "
+                f"kept in {folder}, the same command goes on from there",
+                err=True,
             )
-    except KeyboardInterrupt:
-        click.echo(
-            f"mobman: interrupted; what was done is kept in {folder}, the same command goes on from "
-            "there",
-            err=True,
-        )
-        raise click.exceptions.Exit(130) from None
+            raise click.exceptions.Exit(130) from None
     ended = sum(outcome.status in ("diverged", "singular") for outcome in summary.outcomes)
     click.echo(
         f"{summary.asked} runs: {summary.skipped} were there, {len(summary.outcomes)} done in "
-        f"{summary.seconds:.0f} s with {count} workers; {ended} of these diverged or met a "
+        f"{summary.seconds:.0f} s with {summary.workers} workers; {ended} of these diverged or met a "
         f"singularity, {len(summary.failed)} failed"
     )
     for outcome in summary.failed:
         click.echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
-    _report(folder)
+    if part is None:
+        _report(folder)
+    else:
+        click.echo(
+            f"part {part[0]} of {part[1]} is in {folder}; the parts are joined by: mobman bench merge"
+        )
     if summary.failed:
         raise click.exceptions.Exit(1)
 
@@ -145,50 +173,3 @@ def _write_replay(record: Path, page: Path, instant: float | None) -> None:
     with View(scene) as shown:
         shown.save(page)
     click.echo(f"replay: {page}", err=True)
-
-
-class _Display:
-    """Live progress on a terminal; one plain line a run elsewhere."""
-
-    def __init__(self) -> None:
-        self._console = console(stderr=True)
-        self._ended = 0
-        self._failed = 0
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[note]}"),
-            console=self._console,
-            disable=not self._console.is_terminal,
-        )
-        self._bar = self._progress.add_task("runs", total=None, note="")
-
-    def __enter__(self) -> _Display:
-        self._progress.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._progress.__exit__(None, None, None)
-
-    def start(self, asked: int, skipped: int) -> None:
-        """The suite begins."""
-        self._progress.update(self._bar, total=asked, completed=skipped)
-        self._total, self._count = asked, skipped
-
-    def done(self, outcome: Outcome) -> None:
-        """A run is done."""
-        self._count += 1
-        self._failed += outcome.status == "failed"
-        self._ended += outcome.status in ("diverged", "singular")
-        note = f"{self._ended} diverged, {self._failed} failed"
-        self._progress.update(self._bar, advance=1, note=note)
-        if not self._console.is_terminal:
-            error = number(outcome.task_error)
-            click.echo(
-                f"[{self._count}/{self._total}] {outcome.run}: {outcome.status}, |e_e| {error} m",
-                err=True,
-            )

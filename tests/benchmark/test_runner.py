@@ -197,7 +197,7 @@ def test_a_run_that_kills_its_process_costs_itself_only(tmp_path, monkeypatch):
     summary = run_suite(suite, tmp_path / "results", workers=2)
     assert len(summary.outcomes) == 8
     assert {outcome.run.law for outcome in summary.failed} == {"killer"}
-    assert all("was killed" in outcome.message for outcome in summary.failed)
+    assert all("was ended by SIGKILL" in outcome.message for outcome in summary.failed)
     store = Store(tmp_path / "results")
     assert all(store.record(run).ok for run in suite.runs() if run.law == "pseudo-inverse")
 

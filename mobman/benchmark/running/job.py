@@ -1,0 +1,53 @@
+"""What is sent to a worker, and what comes back."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from dataclasses import dataclass
+
+from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.running.parcel import Parcel
+
+_MARK = uuid.uuid4().hex
+
+
+def this_process() -> tuple[str, int]:
+    """What tells this process from all others, on any machine."""
+    return _MARK, os.getpid()  # a fork has the same mark
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run, with what its names mean where the suite was started; a worker may not know."""
+
+    run: RunSpec
+    robot: Parcel
+    law: Parcel
+    task: Parcel
+    time_limit: float
+    """Wall time (s)."""
+    version: str
+    """mobman's, where the suite was started."""
+    origin: tuple[str, int]
+    """:func:`this_process` there."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a job."""
+
+    status: str
+    """The record's, or ``"failed"`` if there is none."""
+    message: str
+    task_error: float
+    """The record's metric task_error_max (m); NaN if there is no record."""
+    content: bytes | None
+    """Of the record's file."""
+    again: bool = False
+    """Whether it may well go better another time."""
+
+    @classmethod
+    def failure(cls, message: str, *, again: bool = False) -> Result:
+        """A result without a record."""
+        return cls("failed", message, float("nan"), None, again)

@@ -1,0 +1,78 @@
+"""One run, from a job to a result: what workers do, wherever they are."""
+
+from __future__ import annotations
+
+import os
+import threading
+
+from mobman.benchmark.running.job import Job, Result, this_process
+from mobman.benchmark.running.loaded_robots import forget_robots, robot_of
+from mobman.benchmark.running.one_thread import pin_to_one_thread
+from mobman.benchmark.running.time_limit import TimeLimitError, time_limit
+from mobman.controllers.protocol import controllers, make_controller
+from mobman.simulation.closed_loop import simulate
+from mobman.simulation.scenario import Scenario
+from mobman.tasks.task import make_task, tasks
+from mobman.version import __version__
+
+_turns: dict[int, threading.Lock] = {}
+
+
+def perform(job: Job) -> Result:
+    """Do a run; what goes wrong is a result, not an exception.
+
+    One at a time in a process: runs would share what computes, and gain nothing from threads, since
+    they hold the interpreter nearly all the time.
+    """
+    # of this process: one that was forked from another meanwhile must not wait for that one's turn
+    with _turns.setdefault(os.getpid(), threading.Lock()):
+        return _guarded(job)
+
+
+def _guarded(job: Job) -> Result:
+    if job.version != __version__:
+        return Result.failure(
+            f"the worker has mobman {__version__}, the suite was started with {job.version}"
+        )
+    elsewhere = job.origin != this_process()
+    try:
+        if elsewhere:
+            pin_to_one_thread()
+        with time_limit(job.time_limit, fatal=elsewhere):
+            return _perform(job)
+    except TimeLimitError:
+        result = Result.failure(
+            f"took longer than its time limit of {job.time_limit:g} s", again=True
+        )
+    except MemoryError:
+        result = Result.failure("ran out of memory", again=True)
+    except BaseException as error:
+        # a robot that does not load, a bug in a plugin, its sys.exit(): this run's matter alone
+        result = Result.failure(f"{type(error).__name__}: {error}")
+    forget_robots()
+    return result
+
+
+def _perform(job: Job) -> Result:
+    run = job.run
+    law, task = job.law.open(), job.task.open()
+    # under their names, which the record keeps; this process may not know them, or know others
+    controllers.register(run.law, law)
+    tasks.register(run.task_name, task)
+    robot = robot_of(job)
+    given = run.task_given
+    record = simulate(
+        robot,
+        make_controller(run.law, **run.gains),
+        make_task(run.task_name, robot, **given) if given else run.task_name,
+        duration=run.duration,
+        dt=run.dt,
+        scenario=Scenario.model_validate(run.scenario),
+        seed=run.seed,
+    )
+    return Result(
+        record.status,
+        record.message,
+        record.metrics.get("task_error_max", float("inf")),
+        record.to_bytes(every=run.record_every, compression=run.compression),
+    )

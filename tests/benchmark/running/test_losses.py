@@ -1,0 +1,151 @@
+"""Workers that die, hang or run out of memory cost their own run, and no other."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import pytest
+from support import hostile_laws
+from support.suites import bits, suite_of
+
+import mobman as mm
+from mobman.benchmark.runner import Again, Ended, run_suite
+from mobman.benchmark.store import Store
+from mobman.controllers.protocol import controllers
+from mobman.errors import MobmanError
+from mobman.simulation.record import load_record
+
+pytestmark = pytest.mark.xdist_group("runner")
+
+HOSTILE = {
+    "killed": hostile_laws.Killed,
+    "leaves": hostile_laws.Leaves,
+    "loops": hostile_laws.Loops,
+    "hangs": hostile_laws.Hangs,
+    "fills": hostile_laws.Fills,
+    "raises": hostile_laws.Raises,
+    "exits": hostile_laws.Exits,
+    "diverges": hostile_laws.Diverges,
+    "killed-once": hostile_laws.KilledOnce,
+}
+
+
+@pytest.fixture(autouse=True)
+def hostile(monkeypatch):
+    mm.list_controllers()  # so that what is there is found before, and these alone go after
+    for name, law in HOSTILE.items():
+        monkeypatch.setitem(controllers._items, name, law)
+
+
+def run(suite, folder, **options):
+    """Reasons and numbers of tries, by law."""
+    tries: dict[str, int] = {}
+    reasons: dict[str, str] = {}
+
+    def note(event):
+        if isinstance(event, Again):
+            tries[event.run.law] = tries.get(event.run.law, 1) + 1
+        if isinstance(event, Ended):
+            tries.setdefault(event.outcome.run.law, 1)
+            if event.outcome.status == "failed":
+                reasons[event.outcome.run.law] = event.outcome.message
+
+    run_suite(suite, folder, on_event=note, **options)
+    return reasons, tries
+
+
+def test_each_loss_is_told_and_costs_nothing_else(tmp_path):
+    laws = ["killed", "leaves", "loops", "hangs", "fills", "raises", "exits", "diverges"]
+    suite = suite_of(["pseudo-inverse", *laws])
+    reasons, tries = run(suite, tmp_path / "all", workers=2, time_limit=1.0)
+    assert reasons == {
+        "killed": "its worker process was ended by SIGKILL (out of memory?); tried 2 times",
+        "leaves": "its worker process ended with exit status 7; tried 2 times",
+        "loops": "took longer than its time limit of 1 s; tried 2 times",
+        "hangs": "did not heed its time limit of 1 s, and was ended after 2 s; tried 2 times",
+        "fills": "ran out of memory; tried 2 times",
+        "raises": "RuntimeError: a bug of its own",
+        "exits": "SystemExit: 3",
+    }
+    once = {"pseudo-inverse", "raises", "exits", "diverges"}
+    assert tries == {law: 1 if law in once else 2 for law in ["pseudo-inverse", *laws]}
+    store = Store(tmp_path / "all")
+    assert len(store.failures) == 7
+    statuses = {
+        run.law: load_record(store.path(run)).status for run in suite.runs() if store.done(run)
+    }
+    assert statuses == {"pseudo-inverse": "ok", "diverges": "diverged"}
+    undisturbed = suite_of(["pseudo-inverse"])
+    run_suite(undisturbed, tmp_path / "one", workers=1)
+    ((name, alone),) = bits(tmp_path / "one", undisturbed).items()
+    assert bits(tmp_path / "all", undisturbed) == {name: alone}
+
+
+def test_a_worker_that_dies_once_costs_nothing(tmp_path):
+    marked = {"law": "killed-once", "gains": {"mark": str(tmp_path / "mark")}}
+    plain = {"law": "pseudo-inverse"}
+    suite = suite_of([], seeds=3, controllers={"marked": marked, "plain": plain})
+    reasons, tries = run(suite, tmp_path / "r", workers=2)
+    assert not reasons
+    assert tries == {"killed-once": 2, "pseudo-inverse": 1}
+    assert len(bits(tmp_path / "r", suite)) == 6
+
+
+def test_an_executor_that_breaks_as_a_whole_blames_the_culprit_alone(tmp_path):
+    suite = suite_of(["killed", "pseudo-inverse"], seeds=2)
+    pool = lambda: ProcessPoolExecutor(2, mp_context=get_context("forkserver"))  # noqa: E731
+    reasons, _ = run(suite, tmp_path / "r", executor=pool)
+    assert reasons == {"killed": "its worker process died; tried 2 times"}
+    assert {failure.run_id for failure in Store(tmp_path / "r").failures} == {
+        each.run_id for each in suite.runs() if each.law == "killed"
+    }
+
+
+def test_an_executor_that_cannot_be_replaced_ends_the_suite_clearly(tmp_path):
+    suite = suite_of(["pseudo-inverse", "killed"])
+    with (
+        ProcessPoolExecutor(1, mp_context=get_context("forkserver")) as pool,
+        pytest.raises(
+            MobmanError, match=r"the executor broke .* 1 of 2 runs were done and are kept"
+        ),
+    ):
+        run_suite(suite, tmp_path / "r", executor=pool)
+    assert run_suite(suite_of(["pseudo-inverse"]), tmp_path / "r", workers=1).skipped == 1
+
+
+def test_threads_heed_the_time_limit(tmp_path):
+    suite = suite_of(["loops", "pseudo-inverse"])
+    with ThreadPoolExecutor(1) as pool:
+        reasons, _ = run(suite, tmp_path / "r", executor=pool, time_limit=0.5)
+    assert reasons == {"loops": "took longer than its time limit of 0.5 s; tried 2 times"}
+
+
+def test_a_law_that_cannot_be_sent_is_told(tmp_path, monkeypatch):
+    class Local(hostile_laws._Law):
+        def act(self):
+            pass
+
+    monkeypatch.setitem(controllers._items, "local", Local)
+    reasons, _ = run(suite_of(["local", "pseudo-inverse"]), tmp_path / "r", workers=1)
+    assert list(reasons) == ["local"]
+    assert "controller 'local' cannot be sent to another process" in reasons["local"]
+    with ThreadPoolExecutor(1) as pool:  # it need not be sent
+        assert not run(suite_of(["local"]), tmp_path / "t", executor=pool)[0]
+
+
+def test_a_folder_that_cannot_be_written_stops_the_suite(tmp_path, monkeypatch):
+    suite = suite_of(["pseudo-inverse"], seeds=20)
+    keep, kept = Store.keep, []
+
+    def full_after_three(self, run, content):
+        if len(kept) == 3:
+            raise MobmanError("cannot write x.h5: No space left on device")
+        keep(self, run, content)
+        kept.append(run)
+
+    monkeypatch.setattr(Store, "keep", full_after_three)
+    with pytest.raises(MobmanError, match=r"No space left on device; .* 3 of 20 runs were done"):
+        run_suite(suite, tmp_path / "r", workers=2)
+    monkeypatch.undo()
+    assert run_suite(suite, tmp_path / "r", workers=2).skipped == 3
