@@ -173,7 +173,7 @@ def test_interrupted_suite_keeps_what_was_done_and_goes_on(tmp_path):
 def test_run_spec_says_which_run_it_is(done):
     suite, _, _ = done
     run = suite.runs()[0]
-    assert str(run) == "youbot · circle · nominal · pseudo-inverse · seed 0"
+    assert str(run) == "youbot · circle · nominal · pseudo-inverse · 0.001 s · seed 0"
     assert replace(run, label="x").run_id == run.run_id
 
 
@@ -216,10 +216,10 @@ def test_workers_use_the_robot_that_is_registered_here(tmp_path, monkeypatch):
 
 def test_a_repeated_call_keeps_the_time_of_the_runs(done):
     suite, folder, _ = done
-    before = Store(folder).timing
+    before = Store(folder).manifest
     run_suite(suite, folder, workers=1)
-    assert Store(folder).timing == before
-    assert before[0] > 0.0
+    assert Store(folder).manifest == before
+    assert before.seconds > 0.0
 
 
 @pytest.mark.parametrize("content", ["[]", "null", '{"schema_version": 1}', "{"])
