@@ -1,8 +1,9 @@
-# make bench   set up, run the paper's suite, write results/paper and its report
+# make bench   set up, run the paper's suite, write results/paper and its report; SUITE=quick: another
 # make test    set up with test extras, run lint, types and tests
 # make help    the other targets
 
 PYTHON ?= python3
+SUITE ?= paper
 VENV := .venv
 BIN := $(VENV)/bin
 
@@ -19,7 +20,7 @@ help:
 	@echo "make clean       remove $(VENV) and caches; results stay"
 
 bench: $(VENV)/installed
-	$(BIN)/mobman bench run paper -o results/paper
+	$(BIN)/mobman bench run $(SUITE) -o results/$(SUITE)
 
 test: lint
 	$(BIN)/python -m pytest -n auto --dist loadgroup

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, wait
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.running.time_limit import TimeLimitError, time_limit
+from mobman.benchmark.running.worker_process import WorkerLostError
 from mobman.benchmark.tuning.objective import Objective
 from mobman.controllers.protocol import controllers, make_controller
 from mobman.errors import GainError, MobmanError
@@ -83,13 +86,22 @@ def simulated(evaluation: Evaluation) -> Record:
     )
 
 
-def score(evaluation: Evaluation, objective: Objective) -> RunScore:
-    """Do a run and score it; what the law does wrong is scored, too."""
+def score(evaluation: Evaluation, objective: Objective, limit: float) -> RunScore:
+    """Do a run and score it; what the law does wrong is scored, too.
+
+    Args:
+        evaluation: The run.
+        objective: What is scored.
+        limit: Wall time that it may take (s).
+    """
     started = time.perf_counter()
     try:
-        record = simulated(evaluation)
+        with time_limit(limit, fatal=multiprocessing.parent_process() is not None):
+            record = simulated(evaluation)
     except GainError as error:
         status, message = "infeasible", str(error)
+    except TimeLimitError:
+        status, message = "failed", f"took longer than its time limit of {limit:g} s"
     except (OSError, MemoryError):
         raise  # the machine's fault, and no gains'
     except Exception as error:
@@ -111,19 +123,43 @@ def score(evaluation: Evaluation, objective: Objective) -> RunScore:
 
 
 def evaluate(
-    evaluations: Sequence[Evaluation], objective: Objective, executor: Executor
+    evaluations: Sequence[Evaluation], objective: Objective, executor: Executor, limit: float
 ) -> Iterator[tuple[int, RunScore]]:
-    """The scores of runs, each with its position, as they come."""
-    futures = {
-        executor.submit(score, evaluation, objective): position
+    """The scores of runs, each with its position, as they come.
+
+    A run whose worker died is done once more; then it is scored as one that failed.
+
+    Args:
+        evaluations: The runs.
+        objective: What is scored.
+        executor: What does them.
+        limit: Wall time that a run may take (s).
+    """
+    left = {
+        executor.submit(score, evaluation, objective, limit): position
         for position, evaluation in enumerate(evaluations)
     }
+    again: set[int] = set()
     try:
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+        while left:
+            for future in wait(left, return_when=FIRST_COMPLETED).done:
+                position = left.pop(future)
+                try:
+                    yield position, future.result()
+                except WorkerLostError as error:
+                    if position in again:
+                        yield position, _lost(error, objective)
+                        continue
+                    again.add(position)
+                    left[executor.submit(score, evaluations[position], objective, limit)] = position
     finally:
-        for future in futures:
+        for future in left:
             future.cancel()
+
+
+def _lost(error: WorkerLostError, objective: Objective) -> RunScore:
+    value = objective.score("failed", {}, 0.0)
+    return RunScore(value, "failed", f"twice, {error}", {}, 0.0)
 
 
 def _loaded(key: str, spec: RobotSpec) -> MobileManipulator:

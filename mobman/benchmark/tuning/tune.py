@@ -122,7 +122,7 @@ def tune_suite(
         for first in range(0, tuning.trials, BATCH):
             count = min(BATCH, tuning.trials - first)
             for label, batch in _batch(
-                searches, done, journal, first, count, pool, on_step
+                searches, done, journal, first, count, pool, suite.time_limit, on_step
             ).items():
                 done[label] += batch
     first_run = next(iter(runs.values()))
@@ -146,6 +146,7 @@ def _batch(
     first: int,
     count: int,
     executor: Executor,
+    limit: float,
     on_step: Callable[[Step], None] | None,
 ) -> dict[str, list[Trial]]:
     """The trials of a batch of every controller; those that are not there yet are done at once."""
@@ -168,7 +169,7 @@ def _batch(
     starts = {key: owners.index(key) for key in order}
     scores: dict[tuple[str, int], dict[int, RunScore]] = {key: {} for key in order}
     for position, run in (
-        evaluate(evaluations, searches[order[0][0]].objective, executor) if order else ()
+        evaluate(evaluations, searches[order[0][0]].objective, executor, limit) if order else ()
     ):
         key = label, number = owners[position]
         scores[key][position - starts[key]] = run
