@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 import warnings
 from importlib.metadata import entry_points
@@ -19,6 +20,9 @@ class Registry(Generic[T]):
     The modules of ``package`` are imported at the first look-up and register what they define;
     installed packages add theirs by entry points of ``group``, loaded only when asked for.
 
+    Threads may look up at once, also for the first time: each imports what it needs, for which Python
+    has a lock for every module, and none waits for anything else.
+
     Args:
         kind: What the things are called in messages, for instance ``"controller"``.
         package: Package whose modules register themselves when imported.
@@ -31,12 +35,11 @@ class Registry(Generic[T]):
         self._group = group
         self._items: dict[str, T] = {}
         self._discovered = False
-        self._importing = False
 
     def register(self, name: str, item: T) -> T:
         """Add ``item`` under ``name``, replacing what had the name."""
-        if not self._importing:
-            self._discover()
+        if not self._imports():
+            self._discover()  # or what it finds would replace the item later
         self._items[name] = item
         return item
 
@@ -83,19 +86,30 @@ class Registry(Generic[T]):
         module = str(name).replace("-", "_")
         if self._discovered or not module.isidentifier():
             return
-        self._importing = True
         try:
             importlib.import_module(f"{self._package}.{module}")
         except ModuleNotFoundError as error:
             if error.name != f"{self._package}.{module}":
                 raise
-        finally:
-            self._importing = False
+
+    def _imports(self) -> bool:
+        """Whether this thread is importing a module of the package.
+
+        To import the others on the way would let two threads wait for each other's.
+        """
+        frame = inspect.currentframe()
+        while frame is not None:
+            name = str(frame.f_globals.get("__name__"))
+            if frame.f_code.co_name == "<module>" and name.startswith(self._package + "."):
+                return True
+            frame = frame.f_back
+        return False
 
     def _discover(self) -> None:
         if self._discovered:
             return
-        self._discovered = True
         package = importlib.import_module(self._package)
         for module in pkgutil.iter_modules(package.__path__, self._package + "."):
             importlib.import_module(module.name)
+        # not before: another thread would take some of them for all
+        self._discovered = True

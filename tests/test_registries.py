@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -82,3 +85,40 @@ def test_broken_package_is_left_out_with_a_warning(things):
         things.get("broken")
     assert "did you mean 'broken'" not in str(caught.value)
     assert things.get("good") is THING
+
+
+def test_threads_that_look_at_once_all_find_everything(tmp_path, monkeypatch):
+    """However they come to it: by all names, by one of them, or by importing a module themselves."""
+    package = tmp_path / "slow_things"
+    package.mkdir()
+    (package / "__init__.py").write_text(
+        "from mobman.registry import Registry\nthings = Registry('thing', __name__)\n"
+    )
+    for name in "abcd":
+        (package / f"{name}.py").write_text(
+            "import time\nfrom slow_things import things\n"
+            f"time.sleep(0.01)\nthings.register({name!r}, 1)\n"
+            f"time.sleep(0.01)\nthings.register('more-{name}', 2)\n"
+        )
+    monkeypatch.syspath_prepend(tmp_path)
+    things = importlib.import_module("slow_things").things
+    ways = [
+        things.names,
+        lambda: things.get("more-d"),
+        lambda: things.get("c"),
+        things.loaded,
+        lambda: importlib.import_module("slow_things.d"),
+        lambda: importlib.import_module("slow_things.b"),
+        lambda: things.register("a", 3),
+    ]
+
+    def look(way):
+        way()
+        return things.names()
+
+    with ThreadPoolExecutor(len(ways)) as pool:
+        found = list(pool.map(look, ways, timeout=20))
+    assert found == [["a", "b", "c", "d", "more-a", "more-b", "more-c", "more-d"]] * len(ways)
+    assert things.get("a") == 3  # nothing that was found later replaced it
+    for module in [name for name in sys.modules if name.startswith("slow_things")]:
+        del sys.modules[module]

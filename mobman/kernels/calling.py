@@ -102,7 +102,8 @@ def _held(array: Any) -> Held:
 def address_of(function: Any) -> int:
     """The address of a C function that runs a kernel's body, given a pointer to its arguments' words."""
     if function not in _compiled:
-        _compiled[function] = _compile(function.py_func)
+        # the first stays, if two threads come at once: its address may be in tables already
+        _compiled.setdefault(function, _compile(function.py_func))
     return int(_compiled[function].address)
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from threading import local
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import ModelError, UsageError
-from mobman.kernels.program import program
+from mobman.kernels.program import Program, program
 from mobman.model.limits import Limits, limits
 from mobman.model.platforms.platform import Platform
 from mobman.model.workspace import Workspace
@@ -68,14 +70,15 @@ class MobileManipulator:
     coordinates x (pose and wheel angles) and the arm's y. Velocities are reduced,
     :math:`z = (\alpha, \dot y)` with :math:`\dot q = C z` (9). SI units: m, rad, kg, N, N m.
 
-    Robots are made by :func:`mobman.load_robot`.
+    Robots are made by :func:`mobman.load_robot`. Threads may share one: what its methods compute in
+    is each thread's own.
 
     Attributes:
         name: The robot's name.
         spec: The description it was made from.
         urdf: The URDF files it was made from.
         model: ``pinocchio.Model`` with ``nq == nv``.
-        data: Its workspace; used by the methods here, so not to be shared between threads.
+        data: ``pinocchio.Data`` that the methods here use; another one in each thread.
         platform: The driving base.
         tip: Name of the end-effector's frame.
         tip_frame: Its index in ``model.frames``.
@@ -99,7 +102,6 @@ class MobileManipulator:
         self.spec = spec
         self.urdf = urdf
         self.model = model
-        self.data = model.createData()
         self.platform = platform
         self.tip = spec.arm.tip
         self.q_rest = q_rest
@@ -126,11 +128,20 @@ class MobileManipulator:
         self.n_alpha = len(platform.velocity_names)
         self.nz = self.n_alpha + self.n
         self.k = self.nq - self.nz
-        self._view_pinocchio()
-        self._own: _Own | None = None
+        tip = model.frames[self.tip_frame]
+        self.tip_offset = np.array(tip.placement.translation)
+        self.tip_chain = np.zeros(self.nq)
+        self.tip_chain[[model.joints[i].idx_v for i in model.supports[tip.parentJoint] if i]] = 1.0
+        self._of_thread = local()
 
     def __repr__(self) -> str:
         return f"MobileManipulator({self.name!r}, nq={self.nq}, nz={self.nz}, tip={self.tip!r})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_of_thread"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _of_thread=local())
 
     def with_model(self, model: pin.Model) -> MobileManipulator:
         """The same robot on another Pinocchio model of the same joints (other inertias, say)."""
@@ -168,20 +179,10 @@ class MobileManipulator:
         """Bounds of q, z and the torques that the URDF states; simulation does not enforce them."""
         return limits(self)
 
-    def _view_pinocchio(self) -> None:
-        """Look at Pinocchio's results where they are, instead of copying them at every call."""
-        model, data = self.model, self.data
-        tip = model.frames[self.tip_frame]
-        joint = tip.parentJoint
-        self.inertia_view: Array = data.M
-        self.nonlinear_view: Array = data.nle
-        self.jacobian_view: Array = data.J
-        self.jacobian_rate_view: Array = data.dJ
-        self.tip_rotation: Array = data.oMi[joint].rotation
-        self.tip_translation: Array = data.oMi[joint].translation
-        self.tip_offset = np.array(tip.placement.translation)
-        self.tip_chain = np.zeros(self.nq)
-        self.tip_chain[[model.joints[i].idx_v for i in model.supports[joint] if i]] = 1.0
+    @property
+    def data(self) -> pin.Data:
+        """See the class."""
+        return self._own.workspace.data
 
     # Kinematics of the constraints -------------------------------------------------------------
 
@@ -266,7 +267,7 @@ class MobileManipulator:
         """
         now = self._at(q, z)
         now.run_dynamics()
-        self._programs.dynamics()
+        self._own.dynamics()
         return Dynamics(M=now.M.copy(), bias=now.bias.copy(), B=now.B.copy())
 
     def motor_inertia(self, q: Array) -> Array:
@@ -309,7 +310,7 @@ class MobileManipulator:
         """
         now = self._at(q, z)
         now.run_jacobians()
-        self._programs.tip()
+        self._own.tip()
         return TipKinematics(
             position=now.tip.copy(),
             jacobian=now.tip_jacobian.copy(),
@@ -319,14 +320,15 @@ class MobileManipulator:
     # What the methods above work with ----------------------------------------------------------
 
     @property
-    def _programs(self) -> _Own:
-        if self._own is None:  # made when needed: most copies of a robot are never evaluated here
-            self._own = _Own(self)
-        return self._own
+    def _own(self) -> _Own:
+        own: _Own | None = getattr(self._of_thread, "own", None)
+        if own is None:  # made when needed: most copies of a robot are never evaluated here
+            own = self._of_thread.own = _Own(self)
+        return own
 
     def _at(self, q: Array, z: Array) -> Workspace:
-        """The robot's own workspace at (q, z), its velocity terms computed."""
-        own = self._programs
+        """This thread's own workspace at (q, z), its velocity terms computed."""
+        own = self._own
         own.workspace.q[:] = q
         own.workspace.z[:] = z
         own.velocity()
@@ -334,10 +336,19 @@ class MobileManipulator:
 
 
 class _Own:
-    """A robot's own workspace, and the programs of its methods."""
+    """A workspace for a robot's methods in one thread, and the programs of these."""
 
     def __init__(self, robot: MobileManipulator) -> None:
         self.workspace = Workspace(robot)
-        self.velocity = program(self.workspace.velocity_steps())
-        self.dynamics = program([*self.workspace.inertia_steps(), *self.workspace.bias_steps()])
-        self.tip = program(self.workspace.tip_steps())
+
+    @cached_property
+    def velocity(self) -> Program:
+        return program(self.workspace.velocity_steps())
+
+    @cached_property
+    def dynamics(self) -> Program:
+        return program([*self.workspace.inertia_steps(), *self.workspace.bias_steps()])
+
+    @cached_property
+    def tip(self) -> Program:
+        return program(self.workspace.tip_steps())

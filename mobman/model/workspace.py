@@ -31,7 +31,11 @@ class Workspace:
     Nothing is allocated and nothing is copied; results are overwritten by the next state's. Steps
     of :class:`mobman.model.mobile_manipulator.MobileManipulator`'s own methods are these, too.
 
+    All that is written to belongs to the workspace, Pinocchio's results included, and nothing to the
+    robot: what one owner computes cannot come between the steps of another, in whatever thread.
+
     Attributes:
+        data: Pinocchio's results at the state.
         q, z: The state, shapes (nq,) and (nz,).
         q_dot: C z, shape (nq,).
         C: Shape (nq, nz).
@@ -51,6 +55,7 @@ class Workspace:
     def __init__(self, robot: MobileManipulator) -> None:
         l, p = len(robot.platform_index), robot.n_alpha
         self._robot = robot
+        self.data = robot.model.createData()
         self.q = robot.q_rest.copy()
         self.z = np.zeros(robot.nz)
         self.x, self.x_dot, self.alpha = np.zeros(l), np.zeros(l), np.zeros(p)
@@ -66,11 +71,20 @@ class Workspace:
         self.tip = np.zeros(3)
         self.tip_jacobian = np.zeros((6, robot.nq))
         self.tip_jacobian_rate = np.zeros((6, robot.nq))
+        self._view_pinocchio()
         self._bind_pinocchio()
+
+    def _view_pinocchio(self) -> None:
+        """Look at Pinocchio's results where they are, instead of copying them at every call."""
+        data, model = self.data, self._robot.model
+        tip = data.oMi[model.frames[self._robot.tip_frame].parentJoint]
+        self._joint_inertia, self._nonlinear = data.M, data.nle
+        self._joint_jacobian, self._joint_jacobian_rate = data.J, data.dJ
+        self._tip_rotation, self._tip_translation = tip.rotation, tip.translation
 
     def _bind_pinocchio(self) -> None:
         # local names, since these run many times a tick
-        model, data, q, q_dot = self._robot.model, self._robot.data, self.q, self.q_dot
+        model, data, q, q_dot = self._robot.model, self.data, self.q, self.q_dot
         nonlinear_effects, crba = pin.nonLinearEffects, pin.crba
         jacobians = pin.computeJointJacobiansTimeVariation
         # In world axes crba computes placements and Jacobians on the way, but loses digits with the
@@ -151,7 +165,7 @@ class Workspace:
             call(equations.actuation, equations.parameters, self.x, self.platform_B),
             call(
                 reduced_inertia,
-                robot.inertia_view,
+                self._joint_inertia,
                 robot.platform_index,
                 robot.arm_index,
                 self.N,
@@ -167,8 +181,8 @@ class Workspace:
         return [
             call(
                 reduced_bias,
-                robot.inertia_view,
-                robot.nonlinear_view,
+                self._joint_inertia,
+                self._nonlinear,
                 robot.platform_index,
                 robot.arm_index,
                 self.N,
@@ -182,12 +196,12 @@ class Workspace:
         robot = self._robot
         return [
             call(
-                tip_position, robot.tip_rotation, robot.tip_translation, robot.tip_offset, self.tip
+                tip_position, self._tip_rotation, self._tip_translation, robot.tip_offset, self.tip
             ),
             call(
                 tip_kinematics,
-                robot.jacobian_view,
-                robot.jacobian_rate_view,
+                self._joint_jacobian,
+                self._joint_jacobian_rate,
                 robot.tip_chain,
                 self.tip,
                 self.q_dot,

@@ -253,7 +253,6 @@ class _Loop:
         self._keep_auxiliary = program(auxiliary_steps)
         self._evaluate = program([*self._evaluation, *auxiliary_steps])
         self._keep = program(self._keeping())
-        plant.now.run_all()  # the controller may have used the same workspace of Pinocchio
         self._resolve_auxiliary()
 
     def _go(self) -> None:

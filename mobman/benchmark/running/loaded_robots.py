@@ -1,6 +1,7 @@
 """Robots that a worker has loaded already: loading takes longer than a short run.
 
-A robot computes in arrays of its own, so one run at a time may use it.
+Runs write to nothing of them, so they stay as they were loaded. One run at a time looks here:
+:mod:`mobman.benchmark.running.perform`.
 """
 
 from __future__ import annotations

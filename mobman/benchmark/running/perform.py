@@ -21,8 +21,9 @@ _turns: dict[int, threading.Lock] = {}
 def perform(job: Job) -> Result:
     """Do a run; what goes wrong is a result, not an exception.
 
-    One at a time in a process: runs would share what computes, and gain nothing from threads, since
-    they hold the interpreter nearly all the time.
+    One at a time in a process: threads would gain nothing, since runs hold the interpreter nearly all
+    the time, and each would count the others' time as its own: towards its limit, and as what its
+    controller took.
     """
     # of this process: one that was forked from another meanwhile must not wait for that one's turn
     with _turns.setdefault(os.getpid(), threading.Lock()):

@@ -25,7 +25,7 @@ from mobman.simulation.record import Record
 from mobman.simulation.scenario import Scenario
 from mobman.tasks.task import TaskFactory, make_task, tasks
 
-_here = threading.local()  # a robot computes in its own arrays, so threads share none
+_here = threading.local()  # robots, which a thread forgets without asking the others
 
 
 @dataclass(frozen=True)
