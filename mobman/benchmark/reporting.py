@@ -12,7 +12,6 @@ from pathlib import Path
 
 from mobman.benchmark.report.content import (
     FailedRun,
-    Place,
     ReportedRun,
     ReportedSuite,
     ReportFiles,
@@ -106,7 +105,6 @@ def read_results(
     for spec in store.runs:
         path = store.path(spec)
         asked.add(path.name)
-        where = _place(spec)
         try:
             summary = _summary_of(spec, path)
         except RecordError as error:
@@ -116,9 +114,11 @@ def read_results(
                 unused.append(UnusedFile(_relative(path, store.folder), str(error)))
             pending = not reason and not there
             reason = reason or ("not done yet" if pending else str(error))
-            failures.append(FailedRun(spec.label, where, spec.seed, reason, spec.family, pending))
+            failures.append(
+                FailedRun(spec.label, spec.cell, spec.seed, reason, spec.family, pending)
+            )
             continue
-        run = _reported(spec, where, summary, path, place)
+        run = _reported(spec, summary, path, place)
         page = place / _REPLAYS / f"{path.stem}.html"
         if write_replay is not None:
             write_replay(path, page, _instant(run))
@@ -151,12 +151,10 @@ def _summary_of(spec: RunSpec, path: Path) -> RecordSummary:
     return summary
 
 
-def _reported(
-    spec: RunSpec, where: Place, summary: RecordSummary, path: Path, folder: Path
-) -> ReportedRun:
+def _reported(spec: RunSpec, summary: RecordSummary, path: Path, folder: Path) -> ReportedRun:
     run = ReportedRun(
         label=spec.label,
-        place=where,
+        cell=spec.cell,
         seed=spec.seed,
         file=_relative(path, folder),
         law=spec.law,
@@ -173,10 +171,6 @@ def _reported(
         gains=spec.gains,
     )
     return replace(run, command=_command(path, _instant(run)))
-
-
-def _place(spec: RunSpec) -> Place:
-    return Place(spec.robot, spec.task, str(spec.scenario["name"]), spec.duration, spec.dt)
 
 
 def _acceleration(spec: RunSpec) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from mobman.benchmark.report.cells import groups_of, labels_of
-from mobman.benchmark.report.content import FailedRun, Place, ReportedRun, ReportedSuite
+from mobman.benchmark.report.content import FailedRun, ReportedRun, ReportedSuite
 from mobman.benchmark.report.format import (
     duration,
     html_text,
@@ -36,6 +36,7 @@ from mobman.benchmark.report.style import styles_of
 from mobman.benchmark.report.summary import summary_lines
 from mobman.benchmark.report.tables import metrics_table, summary_table
 from mobman.benchmark.report.thinning import thin
+from mobman.benchmark.run_spec import Cell
 from mobman.errors import MobmanError
 from mobman.simulation.metrics.metric import list_metrics
 from mobman.simulation.record import Record
@@ -98,15 +99,15 @@ def diverged(**changes) -> Record:
     return ended
 
 
-def place(robot: str, scenario: str, task: str = "paper", dt: float = 0.01) -> Place:
-    return Place(robot, task, scenario, duration=1.0, dt=dt)
+def cell(robot: str, scenario: str, task: str = "paper", dt: float = 0.01) -> Cell:
+    return Cell(robot, task, scenario, duration=1.0, dt=dt)
 
 
 def run(label: str, content: Record, gains=None, **changes) -> ReportedRun:
     """A run as it is in a report: what its record says, and how the samples are read."""
     fields = {
         "label": label,
-        "place": place(content.robot, content.scenario, content.task),
+        "cell": cell(content.robot, content.scenario, content.task),
         "seed": content.seed,
         "file": f"runs/{content.robot}-{content.scenario}-{label}.h5",
         "law": content.controller,
@@ -139,7 +140,7 @@ def runs() -> list[ReportedRun]:
 
 
 FAILURES = [
-    FailedRun("pinv", place("tiago", "heavier"), 0, "ModelError: <b>no tip</b>\nat all"),
+    FailedRun("pinv", cell("tiago", "heavier"), 0, "ModelError: <b>no tip</b>\nat all"),
 ]
 
 
@@ -524,9 +525,18 @@ def test_mixed_versions_are_said():
 
 def test_limitations_are_those_of_the_runs():
     text = "\n".join(limitations_of(runs()))
-    for words in ("equivalent control", "explicit", "One seed (0)", "without slip", "youBot"):
+    for words in (
+        "equivalent control",
+        "explicit",
+        "One seed (0)",
+        "without slip",
+        "youBot",
+        "chosen, not sampled",
+        "Joint limits",
+        "simulation",
+    ):
         assert words in text
-    pinv = [item for item in runs() if item.label == "pinv" and item.place.robot == "tiago"]
+    pinv = [item for item in runs() if item.label == "pinv" and item.cell.robot == "tiago"]
     assert "equivalent control" not in "\n".join(limitations_of(pinv))
     several = [run("a", record(seed=seed)) for seed in (0, 1)]
     assert "One seed" not in "\n".join(limitations_of(several))

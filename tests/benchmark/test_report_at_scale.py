@@ -16,7 +16,7 @@ from support.reported import made_up_record, made_up_run, made_up_runs
 from support.suites import small_suite
 
 from mobman.benchmark.report.cells import groups_of
-from mobman.benchmark.report.content import FailedRun, Place, ReportedSuite
+from mobman.benchmark.report.content import FailedRun, ReportedSuite
 from mobman.benchmark.report.latex import escape, latex_table, write_latex
 from mobman.benchmark.report.leaderboard import leaderboard_of
 from mobman.benchmark.report.limitations import limitations_of
@@ -25,14 +25,16 @@ from mobman.benchmark.report.provenance import machines_table
 from mobman.benchmark.report.report import Request, write_report
 from mobman.benchmark.report.scores import field_of
 from mobman.benchmark.report.selection import EACH, MOST, select
-from mobman.benchmark.report.settings import settings_of, tuning_table
-from mobman.benchmark.report.standings_tables import leaderboard_table, pairs_table
+from mobman.benchmark.report.settings import settings_of, tuning_table, unequal_budgets
+from mobman.benchmark.report.standings_tables import leaderboard_table, pairs_table, tuned_table
 from mobman.benchmark.report.style import styles_of
 from mobman.benchmark.report.summary import summary_lines
 from mobman.benchmark.report.svg import draw
 from mobman.benchmark.report.table import Entry, Row, Table, heading, text
+from mobman.benchmark.report.tables import endings_table, saturation_table, summary_table
 from mobman.benchmark.report.time_charts import compact_chart
 from mobman.benchmark.reporting import read_results, report_on
+from mobman.benchmark.run_spec import Cell
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.cli.bench import report_command
@@ -69,19 +71,19 @@ def test_the_leaderboard_ranks_as_far_as_the_cells_settle_it():
 def test_failures_count_and_are_counted():
     runs = made_up_runs(THREE, SCENARIOS)
     lost = [run for run in runs if run.label == "good"][:18]
-    failures = [FailedRun("good", run.place, run.seed, "out of memory") for run in lost[:17]]
-    failures.append(FailedRun("good", lost[17].place, 0, "not done yet", pending=True))
+    failures = [FailedRun("good", run.cell, run.seed, "out of memory") for run in lost[:17]]
+    failures.append(FailedRun("good", lost[17].cell, 0, "not done yet", pending=True))
     kept = [run for run in runs if run not in lost]
     _, board = standings(kept, failures)
     good = next(s for s in board.standings if s.label == "good")
     assert math.isinf(good.error.estimate)
-    assert (good.solved, good.cells, good.asked, good.lost) == (6, 24, 24, 18)
+    assert (good.solved, good.cells, good.asked, good.lost) == (6, 23, 23, 17)
     row = next(row for row in leaderboard_table(board).rows if row.entries[0].text == "good")
-    assert row.entries[-1].text == "18 without result"
+    assert row.entries[-1].text == "17 without result"
     groups = groups_of(kept, failures)
     said = "\n".join(summary_lines(groups, kept, failures, *standings(kept, failures)))
     assert "17 runs gave no result" in said
-    assert "1 run was not done: the suite is not complete" in said
+    assert "Preliminary: 1 run was not done yet; only the 23 cells" in said
 
 
 def test_seeds_are_no_cells_and_the_worst_of_them_counts():
@@ -114,7 +116,7 @@ def test_only_what_all_were_asked_for_is_compared():
 
 def test_families_have_standings_of_their_own():
     runs = [
-        dataclasses.replace(run, family=run.place.scenario.partition("-")[0])
+        dataclasses.replace(run, family=run.cell.scenario.partition("-")[0])
         for run in made_up_runs(THREE, SCENARIOS)
     ]
     _, board = standings(runs)
@@ -131,11 +133,101 @@ def test_pairs_are_compared_by_cell():
     table = pairs_table(board.pairs)
     rows = {row.head.text: [entry.text for entry in row.entries] for row in table.rows}
     assert set(rows) == {"good – fair", "good – poor", "fair – poor"}
-    cells, wins, difference, _, p, effect, says = rows["good – poor"]
-    assert (cells, wins, p, effect, says) == (
-        "24", "24 / 0 / 0", "< 0.001", "−1.00", "good is better",
-    )  # fmt: skip
+    cells, wins, difference, _, p, effect, solved, solved_p, says = rows["good – poor"]
+    assert (cells, wins, p, effect) == ("24", "24 / 0 / 0", "< 0.001", "−1.00")
+    assert (solved, solved_p) == ("22 / 0", "< 0.001")
+    assert says == "good has the smaller error and solves more"
+    assert rows["good – fair"][-3:] == ["0 / 0", "1.000", "good has the smaller error"]
     assert -6.2 < float(difference.replace("−", "-")) < -5.8
+
+
+def test_a_difference_that_is_sure_and_nothing_is_called_alike():
+    random = np.random.default_rng(0)
+    runs = []
+    for scenario in SCENARIOS:
+        error = 10.0 ** random.normal(-6.0, 1.0)
+        runs.append(made_up_run("one", error, scenario=scenario))
+        runs.append(made_up_run("other", 1.001 * error, scenario=scenario))
+    _, board = standings(runs)
+    assert board.pairs[0].error_p < 0.001
+    assert pairs_table(board.pairs).rows[0].entries[-1].text == "errors alike"
+
+
+def test_what_is_not_done_is_no_failure():
+    runs = made_up_runs(THREE, SCENARIOS)
+    late = [run for run in runs if run.label == "poor"][12:]
+    failures = [FailedRun("poor", run.cell, 0, "not done yet", pending=True) for run in late]
+    kept = [run for run in runs if run not in late]
+    groups = groups_of(kept, failures)
+    field, board = standings(kept, failures)
+    assert (len(field.cells), field.pending) == (12, 12)
+    assert all(math.isfinite(standing.error.estimate) for standing in board.standings)
+    assert {standing.asked for standing in board.standings} == {12}
+    said = summary_lines(groups, kept, failures, field, board)
+    assert said[1].startswith("Preliminary: 12 runs were not done yet; only the 12 cells")
+    assert not any("finish" in line or "no result" in line for line in said)
+    column = [row.entries[2] for row in summary_table(groups[0]).rows]
+    assert [entry.mark for entry in column if entry.text == "not run"] == ["faint"] * 12
+    assert column[-1].text.endswith(" of 12")
+    # where nothing is done in full, nothing is compared
+    none = [FailedRun("late", run.cell, 0, "", pending=True) for run in runs if run.label == "good"]
+    field, board = standings(runs, none)
+    assert board.standings == []
+    assert "nothing is compared" in "\n".join(
+        summary_lines(groups_of(runs, none), runs, none, field, board)
+    )
+
+
+def test_the_leader_in_error_need_not_solve_most():
+    errors = {"sharp": 1e-9, "steady": 1e-8}
+    runs = made_up_runs(errors, SCENARIOS)
+    ended = [run for run in runs if run.label == "sharp"][:3]
+    runs = [
+        made_up_run("sharp", math.inf, scenario=run.cell.scenario) if run in ended else run
+        for run in runs
+    ]
+    field, board = standings(runs)
+    said = "\n".join(summary_lines(groups_of(runs, []), runs, [], field, board))
+    assert "sharp has the smallest steady |e^e|" in said
+    assert "sharp solves 21 of 24 cells" in said
+    assert "most are solved by steady: 24" in said
+
+
+def test_the_summary_is_short_for_any_suite():
+    robots = [f"robot-{i}" for i in range(3)]
+    labels = {f"law-{i}": 10.0 ** (-9 + i) for i in range(9)}
+    runs = made_up_runs(labels, SCENARIOS[:5], robots)
+    runs += [made_up_run(label, math.inf, scenario="hard") for label in labels]
+    failures = [FailedRun("law-0", runs[0].cell, 1, "out of memory")]
+    failures.append(FailedRun("law-0", runs[-1].cell, 1, "", pending=True))
+    field, board = standings(runs, failures)
+    lines = summary_lines(groups_of(runs, failures), runs, failures, field, board)
+    assert len(lines) <= 10
+    assert max(map(len, lines)) < 500
+    assert "and 4 more" in "\n".join(lines)
+
+
+def test_cut_torques_are_shown_and_said_of_failures():
+    cut_run = made_up_run("a", 1e-9, scenario="weak")
+    found = {**cut_run.metrics, "saturation_share": 0.25, "saturation_start": 0.125}
+    runs = [
+        made_up_run("a", 1e-9),
+        dataclasses.replace(cut_run, metrics=found),
+        made_up_run("b", 1e-9, scenario="weak"),
+        made_up_run("c", math.inf, scenario="weak"),
+    ]
+    runs[3] = dataclasses.replace(
+        runs[3], metrics={**runs[3].metrics, "saturation_share": 1.0, "saturation_start": 0.0}
+    )
+    groups = groups_of(runs, [])
+    (row,) = saturation_table(groups).rows
+    assert row.head.text == "weak"
+    assert [entry.text for entry in row.entries] == ["25 %", "0 %", "100 %"]
+    assert row.entries[0].unit == "1 of 1 runs, from 0.125 s"
+    (ended,) = endings_table(groups).rows
+    assert ended.entries[-2].text == "0.25 s"
+    assert ended.entries[-1].text == "at t = 0.25 s: |z| is 1e9; torques were cut from 0 s on"
+    assert saturation_table(groups_of(runs[:1], [])) is None
 
 
 def test_the_front_is_of_those_that_none_beats():
@@ -227,6 +319,19 @@ def test_sampling_periods_are_cells_and_have_a_figure():
     assert chart.panels[0].x.log
     assert chart.panels[0].y.log
     assert periods_chart(groups_of(runs[:2], []), styles_of(["a", "b"], runs)) is None
+    # a scenario at one period alone is not mixed with those that have all
+    more = [*runs, made_up_run("a", 0.5, scenario="hard"), made_up_run("a", 0.5, scenario="harder")]
+    again = periods_chart(groups_of(more, []), styles_of(["a", "b"], more)).panels[0].items
+    curve = next(item for item in again if hasattr(item, "y") and hasattr(item, "thin"))
+    np.testing.assert_allclose(curve.y, [1e-6, 4e-6, 25e-6])
+    # points of what is not done are not there, nor is a figure without any
+    todo = [FailedRun("a", run.cell, 1, "", pending=True) for run in runs if run.label == "a"]
+    half = periods_chart(groups_of(runs, todo), styles_of(["a", "b"], runs)).panels[0].items
+    assert sum(hasattr(item, "thin") for item in half) == 1
+    todo += [FailedRun("b", run.cell, 1, "", pending=True) for run in runs if run.label == "b"]
+    assert periods_chart(groups_of(runs, todo), styles_of(["a", "b"], runs)) is None
+    backwards = groups_of(runs[::-1], [])[0].cells
+    assert [cell.dt for cell in backwards] == sorted(periods)
 
 
 def test_samples_that_cannot_be_read_are_said_and_the_rest_is_drawn(tmp_path):
@@ -286,6 +391,20 @@ def test_tuned_gains_show_their_budget():
         "pinv", "30", "12", "error", "-2.00", "-4.50", "K_p 1 to 100",
     ]  # fmt: skip
     assert tuning_table({}) is None
+    assert unequal_budgets(tuned) == ""
+    other = {"x-tuned": {**tuned["pinv-tuned"], "trials": 300}}
+    assert "not equal" in unequal_budgets(tuned | other)
+    field, board = standings(runs)
+    (row,) = tuned_table(field, board, tuned).rows
+    assert row.head.text == "pinv"
+    better, solved, ended, energy = (entry.text for entry in row.entries[2:])
+    assert (better, ended, energy) == ("2 / 0 / 0", "0 → 0 of 2", "1.0")
+    assert solved.startswith("0 → ")
+    said = "\n".join(summary_lines(groups_of(runs, []), runs, [], field, board, tuned))
+    assert "like with like: with tuned gains pinv-tuned" in said
+    looks = styles_of(["pinv", "pinv-tuned"], runs, tuned)
+    assert looks["pinv"].colour == looks["pinv-tuned"].colour
+    assert looks["pinv-tuned"].hollow
     assert "No controller was tuned" in "\n".join(limitations_of(runs))
     assert "No controller was tuned" not in "\n".join(limitations_of(runs, tuned=True))
 
@@ -404,7 +523,7 @@ def latex(tmp_path_factory):
         for scenario in ("nominal", "50 %_heavier & more")
         for label, error in (("tsm", 1e-9), ("p_inv", 1e-3), ("lost", math.inf))
     ]
-    failures = [FailedRun("tsm", Place("youbot", "circle", "cold", 1.0, 1e-3), 0, "no <tip>")]
+    failures = [FailedRun("tsm", Cell("youbot", "circle", "cold", 1e-3, 1.0), 0, "no <tip>")]
     before = dict(matplotlib.rcParams)
     with pytest.MonkeyPatch.context() as patch:
         # fonts that are not cut to the letters in use take a tenth of the time

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from mobman.benchmark.report.content import Place, ReportedRun
+from mobman.benchmark.report.content import ReportedRun
+from mobman.benchmark.run_spec import Cell
 from mobman.simulation.metrics.metric import list_metrics
 from mobman.simulation.record import Record
 
@@ -49,6 +50,7 @@ def made_up_metrics(error: float, **changes: float) -> dict[str, float]:
     """Metrics of a run with a steady error; inf for one that ended early."""
     metrics = {metric.name: 0.5 for metric in list_metrics()}
     metrics |= {"task_error_max": error, "success": float(error < 1e-4), "torque_energy": 3.0}
+    metrics |= {"saturation_share": 0.0, "saturation_start": 1.0}
     return {**metrics, **changes}
 
 
@@ -68,7 +70,7 @@ def made_up_run(
     ended = math.isinf(error)
     fields = {
         "label": label,
-        "place": Place(robot, task, scenario, 1.0, dt),
+        "cell": Cell(robot, task, scenario, dt, 1.0),
         "seed": seed,
         "file": f"runs/{robot}-{task}-{scenario}-{dt:g}-{label}-{seed}.h5",
         "law": label,

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
-from mobman.benchmark.report.content import FailedRun, Place, ReportedRun
+from mobman.benchmark.report.content import FailedRun, ReportedRun
+from mobman.benchmark.run_spec import Cell
 
 NOMINAL = "nominal"
 
@@ -16,10 +17,10 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Cell:
-    """The runs of one robot, task, scenario, sampling period and duration, which are compared."""
+class CellRuns:
+    """The runs of one cell."""
 
-    place: Place
+    cell: Cell
     variant: str
     """The scenario; with the sampling period and the duration where there are several of them."""
     runs: tuple[ReportedRun, ...]
@@ -28,17 +29,27 @@ class Cell:
     @property
     def robot(self) -> str:
         """Its robot."""
-        return self.place.robot
+        return self.cell.robot
 
     @property
     def task(self) -> str:
         """Its task."""
-        return self.place.task
+        return self.cell.task
 
     @property
     def scenario(self) -> str:
         """Its scenario."""
-        return self.place.scenario
+        return self.cell.scenario
+
+    @property
+    def dt(self) -> float:
+        """Its sampling period (s)."""
+        return self.cell.dt
+
+    @property
+    def duration(self) -> float:
+        """Of each of its runs (s)."""
+        return self.cell.duration
 
     @property
     def name(self) -> str:
@@ -90,8 +101,12 @@ class Cell:
         return self._runs.get(label, [])
 
     def failures_of(self, label: str) -> list[FailedRun]:
-        """The failures of one label."""
+        """The runs of one label without a result, those that were not done yet among them."""
         return self._failures.get(label, [])
+
+    def pending(self, label: str) -> bool:
+        """Whether a run of one label was not done yet, so that there is nothing to say of it."""
+        return any(failure.pending for failure in self.failures_of(label))
 
 
 @dataclass(frozen=True)
@@ -100,7 +115,7 @@ class Group:
 
     robot: str
     task: str
-    cells: tuple[Cell, ...]
+    cells: tuple[CellRuns, ...]
 
     @property
     def name(self) -> str:
@@ -115,18 +130,20 @@ class Group:
 
 def groups_of(runs: Sequence[ReportedRun], failures: Sequence[FailedRun]) -> list[Group]:
     """The runs in their groups and cells, in the order in which they first appear."""
-    found: dict[Place, tuple[list[ReportedRun], list[FailedRun]]] = {}
+    found: dict[Cell, tuple[list[ReportedRun], list[FailedRun]]] = {}
     for run in runs:
-        found.setdefault(run.place, ([], []))[0].append(run)
+        found.setdefault(run.cell, ([], []))[0].append(run)
     for failure in failures:
-        found.setdefault(failure.place, ([], []))[1].append(failure)
-    groups: dict[tuple[str, str], list[Cell]] = {}
+        found.setdefault(failure.cell, ([], []))[1].append(failure)
+    groups: dict[tuple[str, str], list[CellRuns]] = {}
     variants = _variants(list(found))
-    for place, (own, lost) in found.items():
-        cell = Cell(place, variants[place], tuple(own), tuple(lost))
-        groups.setdefault((place.robot, place.task), []).append(cell)
+    for cell, (own, lost) in found.items():
+        whole = CellRuns(cell, variants[cell], tuple(own), tuple(lost))
+        groups.setdefault((cell.robot, cell.task), []).append(whole)
     for cells in groups.values():
-        cells.sort(key=lambda cell: cell.scenario != NOMINAL)  # stable: the rest as they come
+        # nominal first, the other scenarios as they come; each from the shortest period on
+        order = unique([cell.scenario for cell in cells])
+        cells.sort(key=lambda c: (c.scenario != NOMINAL, order.index(c.scenario), c.dt, c.duration))
     return [Group(robot, task, tuple(cells)) for (robot, task), cells in groups.items()]
 
 
@@ -140,18 +157,18 @@ def unique(items: Sequence[T]) -> list[T]:
     return list(dict.fromkeys(items))
 
 
-def _variants(places: Sequence[Place]) -> dict[Place, str]:
+def _variants(cells: Sequence[Cell]) -> dict[Cell, str]:
     """Names that tell apart what one robot does at one task."""
     siblings = defaultdict(list)
-    for place in places:
-        siblings[place.robot, place.task, place.scenario].append(place)
+    for cell in cells:
+        siblings[cell.robot, cell.task, cell.scenario].append(cell)
     names = {}
-    for place in places:
-        others = siblings[place.robot, place.task, place.scenario]
-        parts = [place.scenario]
+    for cell in cells:
+        others = siblings[cell.robot, cell.task, cell.scenario]
+        parts = [cell.scenario]
         if len({other.dt for other in others}) > 1:
-            parts.append(f"dt {1e3 * place.dt:g} ms")
+            parts.append(f"dt {1e3 * cell.dt:g} ms")
         if len({other.duration for other in others}) > 1:
-            parts.append(f"{place.duration:g} s")
-        names[place] = ", ".join(parts)
+            parts.append(f"{cell.duration:g} s")
+        names[cell] = ", ".join(parts)
     return names

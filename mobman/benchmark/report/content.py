@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mobman.benchmark.run_spec import Cell
 from mobman.simulation.record import Record
 
 _INSTANT = re.compile(r"\bt = ([0-9][0-9.eE+-]*) s")
@@ -31,25 +32,12 @@ class ReportedSuite:
 
 
 @dataclass(frozen=True)
-class Place:
-    """What runs have in common that are compared with each other: all but controller and seed."""
-
-    robot: str
-    task: str
-    scenario: str
-    duration: float
-    """Of each run (s)."""
-    dt: float
-    """Sampling period (s)."""
-
-
-@dataclass(frozen=True)
 class ReportedRun:
     """A run with a result: what its file says without its samples, which are read when drawn."""
 
     label: str
     """The controller's label in the suite, for instance ``"tsm"`` or ``"tsm explicit"``."""
-    place: Place
+    cell: Cell
     seed: int
     file: str
     """The record's file, relative to the report's folder."""
@@ -101,6 +89,13 @@ class ReportedRun:
         found = _INSTANT.search(self.message)
         return float(found.group(1)) if found else math.nan
 
+    @property
+    def saturation(self) -> float | None:
+        """When a limit of its motors first cut a torque (s); None if none did."""
+        if not self.metric("saturation_share") > 0.0:
+            return None
+        return self.metric("saturation_start")
+
     def metric(self, name: str) -> float:
         """A metric; NaN if the record does not have it."""
         return self.metrics.get(name, math.nan)
@@ -108,10 +103,13 @@ class ReportedRun:
 
 @dataclass(frozen=True)
 class FailedRun:
-    """A run without a result, by a fault of the software or machine, or because it was not done."""
+    """A run without a result, by a fault of the software or machine, or because it was not done.
+
+    The former counts as failed; of the latter nothing is known.
+    """
 
     label: str
-    place: Place
+    cell: Cell
     seed: int
     reason: str
     family: str = ""

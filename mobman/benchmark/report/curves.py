@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.benchmark.report.cells import Cell
+from mobman.benchmark.report.cells import CellRuns
 from mobman.benchmark.report.content import ReportedRun, UnusedFile
 from mobman.benchmark.report.thinning import thin
 from mobman.benchmark.statistics.scale import FLOOR
@@ -58,13 +58,13 @@ class RunCurves:
 class CellCurves:
     """What is drawn of a cell: one run of each label."""
 
-    cell: Cell
+    cell: CellRuns
     runs: list[RunCurves]
     unread: list[UnusedFile]
     """Files whose samples cannot be read."""
 
 
-def read_curves(cell: Cell, columns: int, motor_columns: int) -> CellCurves:
+def read_curves(cell: CellRuns, columns: int, motor_columns: int) -> CellCurves:
     """The curves of a cell's first seed.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mobman.benchmark.report.cells import NOMINAL, Cell, Group
+from mobman.benchmark.report.cells import NOMINAL, CellRuns, Group
 from mobman.benchmark.report.chart import Chart, Look
 from mobman.benchmark.report.content import UnusedFile
 from mobman.benchmark.report.curves import CellCurves, RunCurves, read_curves
@@ -42,7 +42,7 @@ class Figure:
 class CellFigures:
     """The figures of a cell."""
 
-    cell: Cell
+    cell: CellRuns
     figures: list[Figure]
     more: list[Figure] = field(default_factory=list)
     """Shown on demand."""
@@ -68,7 +68,7 @@ class Draughtsman:
         """A figure of all runs; None of None."""
         return None if chart is None else self._figure(name, chart, caption)
 
-    def cells(self, cells: Sequence[Cell], why: Mapping[str, str]) -> Iterator[CellFigures]:
+    def cells(self, cells: Sequence[CellRuns], why: Mapping[str, str]) -> Iterator[CellFigures]:
         """The figures of cells, one after the other: in full, or small where they are many."""
         left = _BUDGET
         whole = len(cells) * _WHOLE <= _BUDGET
@@ -83,7 +83,7 @@ class Draughtsman:
             left -= sum(len(figure.drawing.body) for figure in found.all)
             yield CellFigures(cell, found.figures, found.more, why.get(cell.name, ""))
 
-    def whole(self, cell: Cell) -> CellFigures:
+    def whole(self, cell: CellRuns) -> CellFigures:
         """The paper's Figs. 2 to 4 of a cell, and the torques of the other controllers."""
         curves = self._read(cell, _COLUMNS, _MOTOR_COLUMNS)
         if not curves.runs:
@@ -123,14 +123,14 @@ class Draughtsman:
             )
         return CellFigures(cell, figures, more)
 
-    def _small(self, cell: Cell, columns: int) -> CellFigures:
+    def _small(self, cell: CellRuns, columns: int) -> CellFigures:
         curves = self._read(cell, columns, 0)
         if not curves.runs:
             return CellFigures(cell, [])
         figure = self._figure(cell.name, compact_chart(curves, self.styles), "")
         return CellFigures(cell, [figure])
 
-    def _read(self, cell: Cell, columns: int, motor_columns: int) -> CellCurves:
+    def _read(self, cell: CellRuns, columns: int, motor_columns: int) -> CellCurves:
         curves = read_curves(cell, columns, motor_columns)
         self.unread += curves.unread
         return curves
@@ -145,7 +145,7 @@ class Draughtsman:
         return Figure(draw(key, chart), caption)
 
 
-def papers_cells(groups: Sequence[Group]) -> list[Cell]:
+def papers_cells(groups: Sequence[Group]) -> list[CellRuns]:
     """The cells whose figures are the paper's: its task where nothing is changed."""
     return [
         cell

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from mobman.benchmark.report.cells import Cell, Group, groups_of, labels_of
+from mobman.benchmark.report.cells import CellRuns, Group, groups_of, labels_of
 from mobman.benchmark.report.chart import Chart, Look
 from mobman.benchmark.report.content import FailedRun, ReportedRun, ReportedSuite
 from mobman.benchmark.report.table import Entry, Row, Table
@@ -34,6 +34,7 @@ _SYMBOLS = {
     "·": r"$\cdot$",
     "²": r"\textsuperscript{2}",
     "µ": r"\textmu{}",
+    "→": r"$\to$",
     "’": "'",
     "…": r"\ldots{}",
     "\u00a0": "~",
@@ -77,7 +78,7 @@ def write_latex(
         MobmanError: If they cannot be written.
         UsageError: If a pattern fits no cell.
     """
-    tables, charts = _content(runs, failures, patterns)
+    tables, charts = _content(suite, runs, failures, patterns)
     files = {f"{name}.tex": latex_table(table) for name, table in tables.items()}
     files["example.tex"] = _example(suite, tables, charts)
     try:
@@ -147,7 +148,10 @@ def _entry(item: Entry) -> str:
 
 
 def _content(
-    runs: Sequence[ReportedRun], failures: Sequence[FailedRun], patterns: Sequence[str]
+    suite: ReportedSuite,
+    runs: Sequence[ReportedRun],
+    failures: Sequence[FailedRun],
+    patterns: Sequence[str],
 ) -> tuple[dict[str, Table], dict[str, Chart]]:
     from mobman.benchmark.report import overview_charts as drawn
     from mobman.benchmark.report import standings_tables as standings
@@ -157,7 +161,7 @@ def _content(
     from mobman.benchmark.report.tables import summary_table
 
     groups = groups_of(runs, failures)
-    styles = styles_of(labels_of(runs, failures), runs)
+    styles = styles_of(labels_of(runs, failures), runs, suite.tuned)
     field = field_of(groups)
     board = leaderboard_of(field, groups)
     tables: dict[str, Table] = {}
@@ -168,6 +172,9 @@ def _content(
         tables["families"] = standings.families_table(board)
     if board.pairs:
         tables["comparisons"] = standings.pairs_table(board.pairs)
+    tuned = standings.tuned_table(field, board, suite.tuned) if len(board.compared) > 1 else None
+    if tuned is not None:
+        tables["tuned"] = tuned
     for number, group in enumerate(groups, 1):
         tables[f"results-{number}"] = summary_table(group)
     if len(board.compared) > 1 and field.cells:
@@ -185,7 +192,7 @@ def _content(
     return tables, charts
 
 
-def _chosen(groups: Sequence[Group], patterns: Sequence[str]) -> Cell | None:
+def _chosen(groups: Sequence[Group], patterns: Sequence[str]) -> CellRuns | None:
     from mobman.benchmark.report.drawings import papers_cells
     from mobman.benchmark.report.selection import select
 
@@ -194,7 +201,7 @@ def _chosen(groups: Sequence[Group], patterns: Sequence[str]) -> Cell | None:
     return found[0] if found else None
 
 
-def _of_cell(cell: Cell, styles: dict[str, Look]) -> dict[str, Chart]:
+def _of_cell(cell: CellRuns, styles: dict[str, Look]) -> dict[str, Chart]:
     from mobman.benchmark.report import time_charts
     from mobman.benchmark.report.curves import read_curves
     from mobman.benchmark.report.drawings import is_the_papers

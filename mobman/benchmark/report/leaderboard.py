@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mobman.benchmark.report.cells import Cell, Group
+from mobman.benchmark.report.cells import CellRuns, Group
 from mobman.benchmark.report.scores import Field, cell_error, cell_solved
 from mobman.benchmark.statistics import (
+    Comparison,
     Interval,
-    PairComparison,
     Rank,
+    SuccessComparison,
+    adjust,
     compare_all,
+    compare_successes,
     interquartile_mean,
     proportion,
     ranking,
@@ -37,7 +40,7 @@ class Standing:
     ended: int
     """Runs that diverged or met a singularity."""
     lost: int
-    """Runs without a result; they count as failures."""
+    """Runs that were tried and gave no result; they count as failures."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,22 @@ class FamilyStandings:
     """The standings in the scenarios of one family."""
 
     family: str
-    cells: Sequence[Cell]
+    cells: Sequence[CellRuns]
     standings: dict[str, Standing]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two controllers on the same cells: by their errors, and by which cells they solve."""
+
+    a: str
+    b: str
+    error: Comparison
+    error_p: float
+    """Of the errors, corrected for all pairs."""
+    success: SuccessComparison
+    success_p: float
+    """Of the solved cells, corrected for all pairs."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +72,7 @@ class Leaderboard:
 
     standings: list[Standing]
     families: list[FamilyStandings]
-    pairs: list[PairComparison]
+    pairs: list[Pair]
     """Of every two compared controllers, the better placed as a."""
 
     @property
@@ -69,7 +86,9 @@ def leaderboard_of(field: Field, groups: Sequence[Group]) -> Leaderboard:
     standings = list(_standings(field, field.cells).values())
     everywhere = [cell for group in groups for cell in group.cells]
     for label in field.others:
-        cells = [cell for cell in everywhere if label in cell.labels]
+        cells = [c for c in everywhere if label in c.labels and not c.pending(label)]
+        if not cells:
+            continue
         error = interquartile_mean([cell_error(cell, label) for cell in cells], scale="log10")
         standings.append(_standing(label, error, None, cells))
     families = [
@@ -77,14 +96,24 @@ def leaderboard_of(field: Field, groups: Sequence[Group]) -> Leaderboard:
         for family, cells in field.families.items()
     ]
     order = [standing.label for standing in standings if standing.ranks is not None]
-    pairs = []
-    if len(order) > 1 and field.cells:
-        scores = dict(zip(field.labels, field.errors(), strict=True))
-        pairs = compare_all(order, [scores[label] for label in order], strata=field.strata())
+    pairs = _pairs(field, order) if len(order) > 1 and field.cells else []
     return Leaderboard(standings, families if len(families) > 1 else [], pairs)
 
 
-def _standings(field: Field, cells: Sequence[Cell]) -> dict[str, Standing]:
+def _pairs(field: Field, order: Sequence[str]) -> list[Pair]:
+    """Every two controllers, in an order."""
+    scores = dict(zip(field.labels, field.errors(), strict=True))
+    errors = compare_all(order, [scores[label] for label in order], strata=field.strata())
+    solved = field.solved()
+    successes = [compare_successes(solved[pair.a], solved[pair.b]) for pair in errors]
+    adjusted = adjust([found.p_value for found in successes])
+    return [
+        Pair(pair.a, pair.b, pair.comparison, pair.adjusted_p, success, float(p))
+        for pair, success, p in zip(errors, successes, adjusted, strict=True)
+    ]
+
+
+def _standings(field: Field, cells: Sequence[CellRuns]) -> dict[str, Standing]:
     if not cells:
         return {}
     found = ranking(field.labels, field.errors(cells), strata=field.strata(cells))
@@ -96,7 +125,7 @@ def _range(rank: Rank) -> tuple[int, int]:
 
 
 def _standing(
-    label: str, error: Interval, ranks: tuple[int, int] | None, cells: Sequence[Cell]
+    label: str, error: Interval, ranks: tuple[int, int] | None, cells: Sequence[CellRuns]
 ) -> Standing:
     runs = [run for cell in cells for run in cell.of(label)]
     lost = sum(len(cell.failures_of(label)) for cell in cells)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.benchmark.report.cells import Cell, Group, unique
+from mobman.benchmark.report.cells import CellRuns, Group, unique
 from mobman.benchmark.report.chart import (
     Axis,
     Band,
@@ -77,6 +77,7 @@ def overview_chart(group: Group, styles: Mapping[str, Look]) -> Chart:
         (row, label): cell_error(cell, label)
         for row, cell in enumerate(group.cells)
         for label in cell.labels
+        if not cell.pending(label)
     }
     low, high, end = _with_failures(list(points.values()))
     items: list[Item] = [*_failures(high, end), Rule(SUCCESS, "x")]
@@ -211,7 +212,7 @@ def pareto_chart(prices: Mapping[str, Sequence[Price]], styles: Mapping[str, Loo
 
 def scenarios_chart(field: Field) -> Chart:
     """A heat map: the median error of each controller in each scenario, over robots and tasks."""
-    rows: dict[str, list[Cell]] = {}
+    rows: dict[str, list[CellRuns]] = {}
     for cell in field.cells:
         rows.setdefault(cell.variant, []).append(cell)
     order = sorted(rows, key=lambda name: _family_order(rows[name][0], field))[:_MOST_SCENARIOS]
@@ -252,20 +253,23 @@ def scenarios_left_out(field: Field) -> int:
 def periods_chart(groups: Sequence[Group], styles: Mapping[str, Look]) -> Chart | None:
     """Error against the sampling period, where a suite varies it; None where it does not.
 
-    A panel for each robot and task: the median over scenarios of the worst of the seeds.
+    A panel for each robot and task: the median over scenarios of the worst of the seeds. The
+    scenarios are those that are at every period, so that points differ by the period alone.
     """
-    varied = [group for group in groups if len({cell.place.dt for cell in group.cells}) > 1]
+    varied = {group.name: swept for group in groups if (swept := _swept(group))}
     if not varied:
         return None
     panels = []
-    for group in varied:
+    for name, swept in varied.items():
         points: dict[str, dict[float, float]] = {}
-        for label in group.labels:
-            for dt in sorted({cell.place.dt for cell in group.cells}):
-                cells = [c for c in group.cells if c.place.dt == dt and label in c.labels]
-                if cells:
+        for label in unique([label for cell in swept for label in cell.labels]):
+            for dt in sorted({cell.dt for cell in swept}):
+                cells = [cell for cell in swept if cell.dt == dt]
+                if all(label in cell.labels and not cell.pending(label) for cell in cells):
                     errors = [cell_error(cell, label) for cell in cells]
                     points.setdefault(label, {})[dt] = _middle(errors)
+        if not points:  # nothing of it is done yet
+            continue
         low, high, end = _with_failures([v for own in points.values() for v in own.values()])
         periods = sorted({dt for own in points.values() for dt in own})
         items: list[Item] = [Rule(SUCCESS, "y")] if low < SUCCESS < high else []
@@ -283,8 +287,10 @@ def periods_chart(groups: Sequence[Group], styles: Mapping[str, Look]) -> Chart 
         y_axis = _Cut("", low, end * 2.5, log=True, extra=[(end, "∞")])
         ticks = [1e3 * dt for dt in periods] if len(periods) <= _MOST_PERIODS else ()
         x_axis = Axis("dt  (ms)", left, right, log=True, at=ticks)
-        panels.append(Panel(x_axis, y_axis, items, group.name))
-    labels = unique([label for group in varied for label in group.labels])
+        panels.append(Panel(x_axis, y_axis, items, name))
+    if not panels:
+        return None
+    labels = unique([label for swept in varied.values() for c in swept for label in c.labels])
     return Chart(
         "Steady task error against the sampling period, both axes log",
         panels,
@@ -300,12 +306,23 @@ EXTRA_LOOKS = (_FRONT,)
 """Beside those of controllers and motors."""
 
 
+def _swept(group: Group) -> list[CellRuns]:
+    """The cells of the scenarios that are at the most periods, the same for all of them."""
+    periods: dict[str, set[float]] = {}
+    for cell in group.cells:
+        periods.setdefault(cell.scenario, set()).add(cell.dt)
+    most = max(periods.values(), key=len)  # of equal ones, the first scenario's
+    if len(most) < 2:
+        return []
+    return [cell for cell in group.cells if periods[cell.scenario] == most]
+
+
 def _middle(errors: Sequence[float]) -> float:
     """The upper median: where half of an even number failed, this failed."""
     return sorted(errors)[len(errors) // 2]
 
 
-def _family_order(cell: Cell, field: Field) -> int:
+def _family_order(cell: CellRuns, field: Field) -> int:
     return list(field.families).index(cell.family)
 
 

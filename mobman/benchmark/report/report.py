@@ -20,7 +20,7 @@ from mobman.errors import MobmanError
 from mobman.simulation.temporary import temporary_beside
 
 if TYPE_CHECKING:
-    from mobman.benchmark.report.cells import Cell
+    from mobman.benchmark.report.cells import CellRuns
 
 _FIGURES = "figures"
 _MOST_METRICS = 40_000  # entries of all cells' metrics tables
@@ -115,12 +115,13 @@ def _content(
     groups = cells.groups_of(runs, failures)
     labels = cells.labels_of(runs, failures)
     everywhere = [cell for group in groups for cell in group.cells]
-    styles = styles_of(labels, runs)
+    styles = styles_of(labels, runs, suite.tuned)
     field = field_of(groups)
     board = leaderboard_of(field, groups)
     draughtsman = Draughtsman(styles)
     compared = len(board.compared) > 1 and bool(field.cells)
-    prices = {name: charts.prices_of(field, board, name) for name in charts.EFFORTS}
+    efforts = charts.EFFORTS if compared else ()
+    prices = {name: charts.prices_of(field, board, name) for name in efforts}
     overall = {
         "leaderboard": draughtsman.figure(
             "leaderboard",
@@ -131,12 +132,15 @@ def _content(
         "scenarios": draughtsman.figure(
             "scenarios",
             charts.scenarios_chart(field) if compared and len(field.cells) > 1 else None,
-            "Steady |e^e| (m), the median over robots and tasks; darker is worse, ×: fails.",
+            "Steady |e^e| (m), the median over robots and tasks, of an even number the worse of the two "
+            "in the middle; darker is worse; ×: half of them or more fail.",
         ),
         "periods": draughtsman.figure(
             "sampling periods",
             charts.periods_chart(groups, styles),
-            "Steady |e^e| against the sampling period, the median over scenarios; ×: fails.",
+            "Steady |e^e| against the sampling period, the median over the scenarios that are at every "
+            "one of these periods, of an even number the worse of the two in the middle; ×: half of "
+            "them or more fail.",
         ),
         "profiles": draughtsman.figure(
             "profiles",
@@ -177,15 +181,15 @@ def _content(
     return {
         "suite": suite,
         "asked": len(runs) + len(failures),
-        "durations": format.span([cell.place.duration for cell in everywhere], 1.0, "s"),
-        "periods": format.span([cell.place.dt for cell in everywhere], 1e3, "ms"),
+        "durations": format.span([cell.duration for cell in everywhere], 1.0, "s"),
+        "periods": format.span([cell.dt for cell in everywhere], 1e3, "ms"),
         "wall_time": None if suite.seconds is None else format.duration(suite.seconds),
         "first": format.moment(created[0]) if created else "",
         "last": format.moment(created[-1]) if created else "",
         "written": format.moment(datetime.now(UTC).isoformat()),
         "steady": f"{100 * STEADY:g} %",
         "steady_rest": f"{100 * (1 - STEADY):g} %",
-        "summary": summary.summary_lines(groups, runs, failures, field, board),
+        "summary": summary.summary_lines(groups, runs, failures, field, board, suite.tuned),
         "styles": styles,
         "labels": labels,
         "look_style": svg.look_style(looks),
@@ -193,7 +197,7 @@ def _content(
         "chart_style": svg.STYLE,
         "light": svg.LIGHT,
         "dark": svg.DARK,
-        "explicit": [run_label for run_label in labels if styles[run_label].hollow],
+        "explicit": cells.unique([run.label for run in runs if run.explicit]),
         "groups": groups,
         "field": field,
         "lost": sum(standing.lost for standing in board.standings),
@@ -224,6 +228,10 @@ def _content(
         "lost_runs": len(failures),
         "endings_by_reason": tables.endings_by_reason(groups),
         "unused": tables.unused_table([*unused, *draughtsman.unread]),
+        "pending": sum(failure.pending for failure in failures),
+        "saturation": tables.saturation_table(groups),
+        "tuned": standings_tables.tuned_table(field, board, suite.tuned) if compared else None,
+        "budgets": settings.unequal_budgets(suite.tuned),
         "settings": settings.settings_of(groups, suite.tuned),
         "tuning": settings.tuning_table(suite.tuned),
         "versions": provenance.versions_of(runs),
@@ -238,7 +246,7 @@ def _content(
     }
 
 
-def _metrics(cells: Sequence[Cell], drawn: Sequence[Cell]) -> dict[str, Any]:
+def _metrics(cells: Sequence[CellRuns], drawn: Sequence[CellRuns]) -> dict[str, Any]:
     """Tables of every metric, by the cell's name: of all cells, or of those that are drawn."""
     from mobman.benchmark.report.tables import metrics_table
     from mobman.simulation.metrics.metric import list_metrics

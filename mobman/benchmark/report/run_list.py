@@ -36,8 +36,8 @@ def run_list(groups: Sequence[Group]) -> str:
 
 
 def _where(run: ReportedRun | FailedRun, family: str) -> list[object]:
-    place = run.place
+    cell = run.cell
     return [
-        *(place.robot, place.task, place.scenario, family),
-        *(repr(place.duration), repr(place.dt), run.label, run.seed),
+        *(cell.robot, cell.task, cell.scenario, family),
+        *(repr(cell.duration), repr(cell.dt), run.label, run.seed),
     ]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
-from mobman.benchmark.report.cells import Cell, Group, unique
+from mobman.benchmark.report.cells import CellRuns, Group, unique
 from mobman.benchmark.report.scores import cell_error
 from mobman.errors import UsageError
 
@@ -22,7 +22,7 @@ EACH = 12
 class Selection:
     """Cells to draw."""
 
-    cells: list[Cell]
+    cells: list[CellRuns]
     why: dict[str, str] = field(default_factory=dict)
     """By name: why it is among them; empty where all are drawn."""
     rule: str = ""
@@ -42,7 +42,7 @@ def select(groups: Sequence[Group], patterns: Sequence[str] = (), most: int = MO
     """
     cells = [cell for group in groups for cell in group.cells if cell.runs]
     if patterns:
-        chosen: dict[str, Cell] = {}
+        chosen: dict[str, CellRuns] = {}
         for pattern in patterns:
             found = [cell for cell in cells if fnmatchcase(cell.name, pattern)]
             if not found:
@@ -82,12 +82,15 @@ def select(groups: Sequence[Group], patterns: Sequence[str] = (), most: int = MO
     )
 
 
-def _typical(cell: Cell) -> float:
-    errors = sorted(cell_error(cell, label) for label in cell.labels)
+def _typical(cell: CellRuns) -> float:
+    # one that was not done yet says nothing; there is a run, or the cell would not be drawn
+    tried = [label for label in cell.labels if not cell.pending(label)] or cell.labels
+    errors = sorted(cell_error(cell, label) for label in tried)
     # of cells in which half fail, those are worst in which the others are
     middle = errors[len(errors) // 2]
     return middle if math.isfinite(middle) else 1e300
 
 
-def _lost(cell: Cell) -> int:
-    return sum(not run.ok for run in cell.runs) + len(cell.failures)
+def _lost(cell: CellRuns) -> int:
+    failed = sum(not failure.pending for failure in cell.failures)
+    return sum(not run.ok for run in cell.runs) + failed

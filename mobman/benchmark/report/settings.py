@@ -87,6 +87,17 @@ def tuning_table(tuned: Mapping[str, Mapping[str, Any]]) -> Table | None:
     return Table("Budget of tuning; trial 0 is the gains as they were", columns, rows)
 
 
+def unequal_budgets(tuned: Mapping[str, Mapping[str, Any]]) -> str:
+    """Says so where controllers were tuned with different budgets; empty if all had the same."""
+    trials: dict[Any, list[str]] = {}
+    for label, item in tuned.items():
+        trials.setdefault((item.get("trials"), item.get("objective")), []).append(label)
+    if len(trials) < 2:
+        return ""
+    parts = [f"{listing(labels)}: {n} trials for {what}" for (n, what), labels in trials.items()]
+    return f"The budgets were not equal, so tuned gains are not comparable: {'; '.join(parts)}."
+
+
 def _origin_of_tuned(item: Mapping[str, Any]) -> str:
     trials = item.get("trials")
     budget = f" in {count(int(trials), 'trial')}" if isinstance(trials, int) else ""

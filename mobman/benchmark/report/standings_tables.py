@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
 
 from mobman.benchmark.report.format import UNDEFINED, number
-from mobman.benchmark.report.leaderboard import Leaderboard, Standing
+from mobman.benchmark.report.leaderboard import Leaderboard, Pair, Standing
 from mobman.benchmark.report.overview_charts import Price
+from mobman.benchmark.report.scores import Field
 from mobman.benchmark.report.table import Entry, Mark, Row, Table, text
-from mobman.benchmark.statistics import Interval, PairComparison
+from mobman.benchmark.statistics import Interval
 
 SIGNIFICANT = 0.05
 """Adjusted p below which two controllers are called different."""
+ALIKE = 0.05
+"""Decades: two errors whose median difference is surely below it are called alike, whatever p is."""
 
 
 def leaderboard_table(board: Leaderboard) -> Table:
@@ -71,12 +77,11 @@ def families_table(board: Leaderboard) -> Table:
     return Table(caption, columns, rows)
 
 
-def pairs_table(pairs: Sequence[PairComparison]) -> Table:
+def pairs_table(pairs: Sequence[Pair]) -> Table:
     """Every two controllers on the same cells."""
     rows = []
     for pair in pairs:
-        found = pair.comparison
-        sure = pair.adjusted_p < SIGNIFICANT
+        found, success = pair.error, pair.success
         difference = found.median_difference
         rows.append(
             Row(
@@ -86,8 +91,10 @@ def pairs_table(pairs: Sequence[PairComparison]) -> Table:
                     Entry(f"{found.wins} / {found.ties} / {found.losses}"),
                     Entry(signed(difference.estimate)),
                     Entry(f"{signed(difference.low)} to {signed(difference.high)}"),
-                    Entry(p_value(pair.adjusted_p), "best" if sure else ""),
+                    _p_entry(pair.error_p),
                     Entry(signed(found.effect_size)),
+                    Entry(f"{success.only_a} / {success.only_b}"),
+                    _p_entry(pair.success_p),
                     text(_verdict(pair)),
                 ],
             )
@@ -100,9 +107,69 @@ def pairs_table(pairs: Sequence[PairComparison]) -> Table:
         Entry("95 % interval"),
         Entry("p, Holm"),
         Entry("effect size"),
+        Entry("cells solved by a / b only"),
+        Entry("p, Holm"),
         text("says"),
     ]
-    return Table("Paired comparisons of the steady error on the same cells", columns, rows)
+    return Table("Paired comparisons on the same cells", columns, rows)
+
+
+def tuned_table(
+    field: Field, board: Leaderboard, tuned: Mapping[str, Mapping[str, Any]]
+) -> Table | None:
+    """What tuning brought on the reported cells, and what it cost; None if there is nothing to say.
+
+    Args:
+        field: What is compared.
+        board: The standings.
+        tuned: By label, how its gains were tuned.
+    """
+    standings = {standing.label: standing for standing in board.compared}
+    energy = dict(zip(field.labels, field.efforts("torque_energy"), strict=True))
+    rows = []
+    for label, item in tuned.items():
+        before, after = standings.get(str(item.get("label"))), standings.get(label)
+        if before is None or after is None or before is after:
+            continue
+        found = _between(board.pairs, label, before.label)
+        both = np.isfinite(energy[label]) & np.isfinite(energy[before.label])
+        ratio = energy[label][both] / energy[before.label][both]
+        rows.append(
+            Row(
+                text(before.label, label=before.label),
+                [
+                    Entry(number(before.error.estimate)),
+                    Entry(number(after.error.estimate)),
+                    Entry(found),
+                    Entry(f"{before.solved} → {after.solved} of {after.cells}"),
+                    Entry(f"{before.ended} → {after.ended} of {after.asked}"),
+                    Entry(number(float(np.median(ratio)) if ratio.size else math.nan, 2)),
+                ],
+            )
+        )
+    if not rows:
+        return None
+    columns = [
+        text("controller"),
+        Entry("steady |e^e|, gains as given (m)"),
+        Entry("tuned (m)"),
+        Entry("tuned better / equal / worse"),
+        Entry("cells solved"),
+        Entry("runs that ended early"),
+        Entry("integral of |v|², times"),
+    ]
+    return Table("Gains as given and tuned, on the same cells", columns, rows)
+
+
+def _between(pairs: Sequence[Pair], a: str, b: str) -> str:
+    """In how many cells a is better than b, equal, and worse."""
+    for pair in pairs:
+        found = pair.error
+        if (pair.a, pair.b) == (a, b):
+            return f"{found.wins} / {found.ties} / {found.losses}"
+        if (pair.a, pair.b) == (b, a):
+            return f"{found.losses} / {found.ties} / {found.wins}"
+    return UNDEFINED
 
 
 def prices_table(prices: Mapping[str, Sequence[Price]], units: Mapping[str, str]) -> Table:
@@ -158,12 +225,26 @@ def _leads(standing: Standing, others: Sequence[Standing]) -> Mark:
     return "best" if standing in firsts and len(firsts) < len(others) else ""
 
 
-def _verdict(pair: PairComparison) -> str:
-    found = pair.comparison
+def _p_entry(value: float) -> Entry:
+    return Entry(p_value(value), "best" if value < SIGNIFICANT else "")
+
+
+def _verdict(pair: Pair) -> str:
+    """What the pair says of the errors, and of the solved cells where that is settled too."""
+    found, success = pair.error, pair.success
+    interval = found.median_difference
     if found.wins == found.losses == 0:
-        return "the same"
-    if pair.adjusted_p < SIGNIFICANT:
-        return f"{pair.a if found.effect_size < 0 else pair.b} is better"
-    if found.smallest_p >= SIGNIFICANT:
-        return "too few cells to say"
-    return "not told apart"
+        words = "the same"
+    elif max(abs(interval.low), abs(interval.high)) < ALIKE:
+        words = "errors alike"
+    elif pair.error_p < SIGNIFICANT:
+        words = f"{pair.a if found.effect_size < 0 else pair.b} has the smaller error"
+    elif found.smallest_p >= SIGNIFICANT:
+        words = "too few cells to say"
+    else:
+        words = "not told apart"
+    if pair.success_p < SIGNIFICANT:
+        more = pair.a if success.only_a > success.only_b else pair.b
+        same = words.startswith(f"{more} has")
+        words += " and solves more" if same else f"; {more} solves more"
+    return words

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from mobman.benchmark.report.cells import unique
 from mobman.benchmark.report.chart import Look, Marker
@@ -37,13 +38,24 @@ _MARKERS: tuple[Marker, ...] = ("circle", "square", "triangle", "diamond", "wedg
 # Curves often coincide: neighbours differ in width, the thinner above, so that all can be seen.
 _WIDTHS = (3.2, 2.1, 1.2)
 _EXPLICIT = (4.0, 2.0)
+_TUNED = (9.0, 2.5)
 _AGAIN = (6.0, 1.5, 1.0, 1.5)
 
 
-def styles_of(labels: Sequence[str], runs: Sequence[ReportedRun]) -> dict[str, Look]:
+def styles_of(
+    labels: Sequence[str],
+    runs: Sequence[ReportedRun],
+    tuned: Mapping[str, Mapping[str, Any]] | None = None,
+) -> dict[str, Look]:
     """A look for each label.
 
-    The explicit form of a law has the colour of its implicit form, dashed.
+    The explicit form of a law has the colour of its implicit form, dashed; what is tuned has that of
+    what it was tuned from.
+
+    Args:
+        labels: Of the controllers.
+        runs: Theirs.
+        tuned: By label, how its gains were tuned.
     """
     laws = {run.label: run.law for run in reversed(runs)}
     explicit = {run.label for run in runs if run.explicit}
@@ -59,6 +71,9 @@ def styles_of(labels: Sequence[str], runs: Sequence[ReportedRun]) -> dict[str, L
         for label in labels
         if label in explicit
     }
+    parents = {label: str(item.get("label")) for label, item in (tuned or {}).items()}
+    own_tuned = {label for label, parent in parents.items() if parent != label and parent in labels}
+    sibling |= {label: sibling.get(parents[label], parents[label]) for label in own_tuned}
     own = unique([sibling.get(label, label) for label in labels])
     styles = {}
     for index, label in enumerate(labels):
@@ -68,6 +83,7 @@ def styles_of(labels: Sequence[str], runs: Sequence[ReportedRun]) -> dict[str, L
         colour, dark = COLOURS[place % len(COLOURS)]
         dashes: tuple[float, ...] = tuple(2.0 * again * length for length in _AGAIN) or ()
         dashes = _EXPLICIT if label in explicit else dashes if again else ()
+        dashes = _TUNED if label in own_tuned else dashes
         styles[label] = Look(
             key=f"k{index}",
             colour=colour,
@@ -77,7 +93,7 @@ def styles_of(labels: Sequence[str], runs: Sequence[ReportedRun]) -> dict[str, L
             # the explicit form beneath the others: it chatters over everything
             order=1.5 if label in explicit else 2.0 + 0.1 * (place % 3) + 0.001 * place,
             marker=_MARKERS[place % len(_MARKERS)],
-            hollow=label in explicit,
+            hollow=label in explicit or label in own_tuned,
         )
     return styles
 

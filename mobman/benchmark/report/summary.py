@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-from mobman.benchmark.report.cells import NOMINAL, Cell, Group, labels_of, unique
+from mobman.benchmark.report.cells import NOMINAL, CellRuns, Group, labels_of, unique
 from mobman.benchmark.report.content import FailedRun, ReportedRun
 from mobman.benchmark.report.format import count, listing, metric_value, number
 from mobman.benchmark.report.leaderboard import Leaderboard, Standing
-from mobman.benchmark.report.scores import Field, cell_error, worst_error
+from mobman.benchmark.report.scores import Field, cell_error
 from mobman.benchmark.report.tables import successes
 
 _SPACE = "\u00a0"  # holds a number and its unit together
@@ -22,8 +23,10 @@ _PRICES = {
 }
 
 
-_FEW = 3  # groups that each get sentences of their own
-_MOST_NAMES = 5  # scenario families that are named in a sentence
+_MOST_LINES = 10
+"""Of a summary, whatever the suite's size."""
+_FEW = 3  # robots and tasks that each get sentences of their own, as far as there is room
+_MOST_NAMES = 5  # scenario families, or controllers, that are named in a sentence
 
 
 def summary_lines(
@@ -32,19 +35,72 @@ def summary_lines(
     failures: Sequence[FailedRun],
     field: Field,
     board: Leaderboard,
+    tuned: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> list[str]:
-    """Sentences on what came out, good and bad, for every controller alike."""
+    """Sentences on what came out, good and bad, for every controller alike; about ten.
+
+    Args:
+        groups: The runs.
+        runs: The same, in the suite's order.
+        failures: Runs without a result.
+        field: What is compared.
+        board: The standings.
+        tuned: By label, how its gains were tuned.
+    """
     if not runs and not failures:
         return ["There is no run to report."]
     lines = [_counts(groups, runs, failures)]
+    lines += _pending(failures, field)
     lines += _leader(field, board)
-    lines.append(_successes(groups, labels_of(runs, failures)))
+    lines += _tuned(board, tuned or {})
+    lines.append(_successes(groups, runs, failures))
     lines += _losses(runs, failures)
-    if len(groups) <= _FEW:
-        for group in groups:
-            lines += [line for line in (_nominal(group), _over_scenarios(group)) if line]
-        lines += _prices(groups)
+    if len(groups) > _FEW:
+        return lines
+    nominal = [line for group in groups if (line := _nominal(group))]
+    worst = [line for group in groups if (line := _over_scenarios(group))]
+    for more in (nominal, worst, _prices(groups)):
+        if len(lines) + len(more) <= _MOST_LINES:
+            lines += more
     return lines
+
+
+def _pending(failures: Sequence[FailedRun], field: Field) -> list[str]:
+    """What was not done yet, which is not to be mistaken for what failed."""
+    pending = sum(failure.pending for failure in failures)
+    if not pending:
+        return []
+    verb = "was" if pending == 1 else "were"
+    compared = (
+        f"only the {count(len(field.cells), 'cell')} in which all were tried are compared, and these "
+        "need not be like the others"
+    )
+    if not field.cells:
+        compared = "there is no cell yet in which all were tried, so nothing is compared"
+    return [f"Preliminary: {count(pending, 'run')} {verb} not done yet; {compared}."]
+
+
+def _tuned(board: Leaderboard, tuned: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """The best of what is tuned, and of what is not: like with like."""
+    of = {label for label, item in tuned.items() if item.get("label") != label}
+    kinds = [
+        ("tuned gains", [s for s in board.compared if s.label in of]),
+        ("the gains as given", [s for s in board.compared if s.label not in of]),
+    ]
+    if not all(found for _, found in kinds):
+        return []
+    parts = [
+        f"with {name} {_listed([f'{s.label} {number(_estimate(s))}{_SPACE}m' for s in found])}"
+        for name, found in kinds
+    ]
+    return [f"Compare like with like: {'; '.join(parts)}."]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """All names, or the first of many."""
+    if len(names) <= _MOST_NAMES + 1:
+        return listing(names)
+    return f"{', '.join(names[:_MOST_NAMES])} and {len(names) - _MOST_NAMES} more"
 
 
 def _leader(field: Field, board: Leaderboard) -> list[str]:
@@ -54,6 +110,8 @@ def _leader(field: Field, board: Leaderboard) -> list[str]:
         return []
     first = ahead[0]
     over = f"the {count(len(field.cells), 'cell')} that all were asked for"
+    if field.pending:
+        over = f"the {count(len(field.cells), 'cell')} that are done"
     if len(field.cells) == field.asked:
         over = f"all {count(len(field.cells), 'cell')}"
     if not math.isfinite(first.error.estimate):
@@ -63,12 +121,12 @@ def _leader(field: Field, board: Leaderboard) -> list[str]:
     rest = [s for s in ahead if s not in leaders]
     verb = "has" if len(leaders) == 1 else "have"
     line = (
-        f"Over {over}, {listing([s.label for s in leaders])} {verb} the smallest steady |e^e| "
+        f"Over {over}, {_listed([s.label for s in leaders])} {verb} the smallest steady |e^e| "
         f"(geometric interquartile mean): {_metres(first)}"
     )
     if rest:
         line += f"; then {rest[0].label}: {_metres(rest[0])}{_times(first, rest[0])}"
-    return [f"{line}. {_shared(first, ahead)}", *_weak(first, field, board)]
+    return [f"{line}. {_shared(first, ahead)}", *_weak(first, field, board), *_solved(first, ahead)]
 
 
 def _shared(first: Standing, ahead: Sequence[Standing]) -> str:
@@ -79,7 +137,7 @@ def _shared(first: Standing, ahead: Sequence[Standing]) -> str:
         return "These cells are too few, or too alike in what they say, to settle any rank."
     verb = "shares" if len(tied) == 1 else "share"
     return (
-        f"The cells do not settle who is first: {listing(tied)} {verb} the possible rank 1 with "
+        f"The cells do not settle who is first: {_listed(tied)} {verb} the possible rank 1 with "
         f"{first.label}."
     )
 
@@ -101,6 +159,8 @@ def _weak(first: Standing, field: Field, board: Leaderboard) -> list[str]:
     factors.sort()
     middle = factors[len(factors) // 2]
     how = f"a factor of {number(middle, 2)} in the median"
+    if middle < 1.05:
+        how = "by less than 5 % in the median"
     if math.isinf(middle):
         how = f"in {sum(map(math.isinf, factors))} of these it fails"
     names = ", ".join(f"{label} ({n})" for label, n in better.most_common(3))
@@ -117,15 +177,22 @@ def _weak(first: Standing, field: Field, board: Leaderboard) -> list[str]:
     if families:
         more = f" and {len(families) - _MOST_NAMES} more" if len(families) > _MOST_NAMES else ""
         line += f" By scenario family another leads in: {', '.join(families[:_MOST_NAMES])}{more}."
-    lines = [line]
-    if first.solved < first.cells:
-        lost = first.cells - first.solved
-        verb = "is" if lost == 1 else "are"
-        lines.append(
-            f"{lost} of {first.cells} cells {verb} not solved by {first.label} (a run that fails, or "
-            "does not settle below 1e-4 m)."
-        )
-    return lines
+    return [line]
+
+
+def _solved(first: Standing, ahead: Sequence[Standing]) -> list[str]:
+    """Who solves most cells: to the mean of the middle half, a quarter that fails is invisible."""
+    if first.solved == first.cells:
+        return []
+    most = max(standing.solved for standing in ahead)
+    names = [s.label for s in ahead if s.solved == most]
+    line = (
+        f"{first.label} solves {first.solved} of {first.cells} cells (no run fails, and all settle "
+        "below 1e-4 m)"
+    )
+    if most > first.solved:
+        line += f"; most are solved by {_listed(names)}: {most}"
+    return [f"{line}."]
 
 
 def _estimate(standing: Standing) -> float:
@@ -140,8 +207,10 @@ def _metres(standing: Standing) -> str:
 
 def _times(first: Standing, second: Standing) -> str:
     factor = second.error.estimate / first.error.estimate
-    if not math.isfinite(factor) or factor < 1.005:
+    if not math.isfinite(factor) or factor < 1.05:
         return ""
+    if factor >= 1e3:
+        return f", {math.log10(factor):.1f} decades more"
     return f", {number(factor, 2)} times as much"
 
 
@@ -149,7 +218,7 @@ def _counts(
     groups: Sequence[Group], runs: Sequence[ReportedRun], failures: Sequence[FailedRun]
 ) -> str:
     labels = len(labels_of(runs, failures))
-    periods = {cell.place.dt for group in groups for cell in group.cells}
+    periods = {cell.dt for group in groups for cell in group.cells}
     what = "robot, task and scenario" if len(periods) == 1 else "robot, task, scenario and dt"
     cells = sum(len(group.cells) for group in groups)
     seeds = len(unique([run.seed for run in runs] + [f.seed for f in failures]))
@@ -160,15 +229,23 @@ def _counts(
     )
 
 
-def _successes(groups: Sequence[Group], labels: Sequence[str]) -> str:
+def _successes(
+    groups: Sequence[Group], runs: Sequence[ReportedRun], failures: Sequence[FailedRun]
+) -> str:
+    labels = labels_of(runs, failures)
     cells = [cell for group in groups for cell in group.cells]
-    score = {label: successes(cells, label) for label in labels}
+    score = {label: found for label in labels if (found := successes(cells, label))[1]}
+    if not score:
+        return "No run was tried yet."
     shares = []
     for won, asked in sorted(set(score.values()), key=lambda s: -s[0] / max(s[1], 1)):
-        names = [label for label in labels if score[label] == (won, asked)]
+        names = [label for label, found in score.items() if found == (won, asked)]
         share = "none" if won == 0 else "all" if won == asked else f"{won}"
-        shares.append(f"{listing(names)} in {share} of {asked}")
-    return f"Success: {'; '.join(shares)}."
+        shares.append(f"{_listed(names)} in {share} of {asked}")
+    if len(shares) > _MOST_NAMES + 1:
+        shares = [*shares[:_MOST_NAMES], "…", shares[-1]]
+    tried = " of the runs that were tried" if any(lost.pending for lost in failures) else ""
+    return f"Success{tried}: {'; '.join(shares)}."
 
 
 def _losses(runs: Sequence[ReportedRun], failures: Sequence[FailedRun]) -> list[str]:
@@ -180,20 +257,13 @@ def _losses(runs: Sequence[ReportedRun], failures: Sequence[FailedRun]) -> list[
             for label in unique([run.label for run in ended])
         ]
         how = _ENDINGS.get(status, f"ended early ({status})")
-        lines.append(f"{count(len(ended), 'run')} {how}: {listing(by_label)}.")
+        lines.append(f"{count(len(ended), 'run')} {how}: {_listed(by_label)}.")
     lost = sum(not failure.pending for failure in failures)
     if lost:
         verb = "is" if lost == 1 else "are"
         lines.append(
             f"{count(lost, 'run')} gave no result by a fault of the software or the machine, and {verb} "
-            "counted as not succeeded."
-        )
-    pending = len(failures) - lost
-    if pending:
-        verb = "was" if pending == 1 else "were"
-        lines.append(
-            f"{count(pending, 'run')} {verb} not done: the suite is not complete, and every "
-            "controller's missing runs count as failures. Complete it before comparing."
+            "counted as failed."
         )
     return lines
 
@@ -202,9 +272,9 @@ def _nominal(group: Group) -> str:
     """Best and worst where the plant is what controllers suppose."""
     cell = next((cell for cell in group.cells if cell.scenario == NOMINAL), None)
     errors = {} if cell is None else _errors(cell, group.labels)
-    if len(errors) < 2:
+    if cell is None or len(errors) < 2:
         return ""
-    return f"{group.name}, nominal: {_extremes(errors)}."
+    return f"{cell.name}: {_extremes(errors)}."
 
 
 def _over_scenarios(group: Group) -> str:
@@ -215,20 +285,21 @@ def _over_scenarios(group: Group) -> str:
     where: dict[str, str] = {}
     for label in group.labels:
         errors = [(found[label], cell) for cell in group.cells if (found := _errors(cell, [label]))]
+        if len(errors) < len(group.cells):  # not asked everywhere, or not done: no worst yet
+            continue
         worst[label], cell = max(errors, key=lambda item: item[0])
         where[label] = cell.variant
-    notes = {label: f", {where[label]}" for label in group.labels}
+    if len(worst) < 2:
+        return ""
+    notes = {label: f", {variant}" for label, variant in where.items()}
     if not any(math.isfinite(value) for value in worst.values()):
         return f"{group.name}: no controller completes every scenario."
     return f"{group.name}, worst of {len(group.cells)} scenarios: {_extremes(worst, notes)}."
 
 
-def _errors(cell: Cell, labels: Sequence[str]) -> dict[str, float]:
-    return {
-        label: math.inf if cell.failures_of(label) else worst_error(cell.of(label))
-        for label in labels
-        if cell.of(label) or cell.failures_of(label)
-    }
+def _errors(cell: CellRuns, labels: Sequence[str]) -> dict[str, float]:
+    asked = [label for label in labels if cell.of(label) or cell.failures_of(label)]
+    return {label: cell_error(cell, label) for label in asked if not cell.pending(label)}
 
 
 def _extremes(errors: Mapping[str, float], notes: Mapping[str, str] | None = None) -> str:
@@ -270,7 +341,7 @@ def _prices(groups: Sequence[Group]) -> list[str]:
             if math.isfinite(low.metric(name))
         ]
         if parts:
-            lines.append(f"{group.name}, nominal, cost of success: {'; '.join(parts)}.")
+            lines.append(f"{cell.name}, cost of success: {'; '.join(parts)}.")
     return lines
 
 

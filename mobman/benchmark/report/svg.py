@@ -141,6 +141,7 @@ def draw(key: str, chart: Chart) -> Drawing:
         panels = chart.panels[row * chart.columns : (row + 1) * chart.columns]
         below = chart.panels[(row + 1) * chart.columns :]
         top = y + (24.0 if any(panel.title for panel in panels) else 10.0)
+        top += max(_head(panel, wide) for panel in panels)
         floor = top + chart.height
         for column, panel in enumerate(panels):
             # a panel names its x axis unless the one beneath it does
@@ -175,12 +176,22 @@ def _margin(axis: Axis) -> float:
     return min(260.0, 16.0 + _LETTER * longest) + (24.0 if axis.label else 0.0)
 
 
+def _head(panel: Panel, wide: float) -> float:
+    """Room above a panel of so many px across for the names on its x axis (px)."""
+    longest = max((_LETTER * len(name) for name in panel.x.names), default=0.0)
+    if not longest:
+        return 0.0
+    return 12.0 if _fits(longest, wide - _margin(panel.y), panel) else 12.0 + 0.55 * longest
+
+
+def _fits(longest: float, wide: float, panel: Panel) -> bool:
+    """Whether names stand side by side without being slanted."""
+    return longest + 8.0 <= wide / len(panel.x.names)
+
+
 def _foot(panels: Sequence[Panel]) -> float:
     """Room beneath a row (px)."""
-    names = [name for panel in panels for name in panel.x.names]
-    if names:  # slanted
-        return 24.0 + 0.6 * _LETTER * max(map(len, names))
-    return 42.0
+    return 10.0 if all(panel.x.names for panel in panels) else 42.0
 
 
 def _legend_width(chart: Chart) -> float:
@@ -251,6 +262,8 @@ class _Frame:
         grid, texts = [], []
         wide, high = self.right - self.left, self.bottom - self.top
         heat = any(isinstance(item, Tile) for item in panel.items)
+        longest = max((_LETTER * len(name) for name in panel.x.names), default=0.0)
+        flat = bool(longest) and _fits(longest, wide / _UNIT, panel)
         for value, text in panel.x.ticks(max(2, wide // 900)):
             x = _whole(self.x(value))
             if not panel.x.names:
@@ -259,10 +272,12 @@ class _Frame:
                     texts.append(
                         f'<text class="m" x="{x}" y="{self.bottom + 170}">{escape(text)}</text>'
                     )
-            else:
-                y = self.bottom + 130
+            elif flat:
+                texts.append(f'<text class="m" x="{x}" y="{self.top - 60}">{escape(text)}</text>')
+            else:  # above, where they are seen first: there may be many rows
+                y = self.top - 60
                 texts.append(
-                    f'<text class="e" x="{x}" y="{y}" transform="rotate(-32 {x} {y})">'
+                    f'<text class="e" x="{x}" y="{y}" transform="rotate(32 {x} {y})">'
                     f"{escape(text)}</text>"
                 )
         for value, text in panel.y.ticks(max(2, high // 280)):

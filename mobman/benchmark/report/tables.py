@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mobman.benchmark.report.cells import Cell, Group, unique
+from mobman.benchmark.report.cells import CellRuns, Group, unique
 from mobman.benchmark.report.content import FailedRun, ReportedRun, UnusedFile
 from mobman.benchmark.report.format import (
     UNDEFINED,
@@ -40,11 +40,9 @@ def summary_table(group: Group) -> Table:
     Scenarios are in columns, or in rows where there are many.
     """
     cells = group.cells
-    best = {cell.place: _best_of_summary(cell) for cell in cells}
+    best = {cell.cell: _best_of_summary(cell) for cell in cells}
     entries = {
-        (cell.place, label): _summary_entry(
-            cell.of(label), cell.failures_of(label), best[cell.place]
-        )
+        (cell.cell, label): _summary_entry(cell.of(label), cell.failures_of(label), best[cell.cell])
         for cell in cells
         for label in group.labels
     }
@@ -56,26 +54,26 @@ def summary_table(group: Group) -> Table:
     if len(cells) <= _MOST_COLUMNS:
         columns = [text("controller"), *(Entry(cell.variant) for cell in cells), Entry("succeeded")]
         rows = [
-            Row(text(label, label=label), [*(entries[cell.place, label] for cell in cells), total])
+            Row(text(label, label=label), [*(entries[cell.cell, label] for cell in cells), total])
             for label, total in zip(group.labels, totals, strict=True)
         ]
         return Table(caption, columns, rows)
     columns = [text("scenario"), *(Entry(label, label=label) for label in group.labels)]
     rows = [
-        Row(text(cell.variant), [entries[cell.place, label] for label in group.labels])
+        Row(text(cell.variant), [entries[cell.cell, label] for label in group.labels])
         for cell in cells
     ]
     return Table(caption, columns, [*rows, Row(text("succeeded"), totals)])
 
 
-def successes(cells: Sequence[Cell], label: str) -> tuple[int, int]:
-    """How many runs of a label succeeded, and how many were asked for."""
+def successes(cells: Sequence[CellRuns], label: str) -> tuple[int, int]:
+    """How many runs of a label succeeded, and how many were tried."""
     runs = [run for cell in cells for run in cell.of(label)]
-    lost = sum(len(cell.failures_of(label)) for cell in cells)
+    lost = sum(not lost.pending for cell in cells for lost in cell.failures_of(label))
     return sum(run.succeeded for run in runs), len(runs) + lost
 
 
-def metrics_table(cell: Cell) -> Table:
+def metrics_table(cell: CellRuns) -> Table:
     """Every metric of every run of a cell; failures have a column too."""
     seeds = {run.seed for run in cell.runs} | {lost.seed for lost in cell.failures}
     several = len(seeds) > 1
@@ -86,7 +84,7 @@ def metrics_table(cell: Cell) -> Table:
         outcomes.append(Entry(ending(run), "" if run.ok else "bad", run.message))
     for lost in cell.failures:
         columns.append(Entry(_with_seed(lost.label, lost.seed, several), label=lost.label))
-        outcomes.append(Entry("failed", "bad", lost.reason))
+        outcomes.append(_lost(lost))
     rows = [Row(text("outcome"), [text(""), *outcomes])]
     section = ""
     for metric in _known(cell.runs):
@@ -117,6 +115,8 @@ def endings_table(groups: Sequence[Group]) -> Table:
             if run.ok:
                 continue
             reason = cut(run.message or "no reason given", _LONGEST)
+            if run.saturation is not None:
+                reason += f"; torques were cut from {instant(run.saturation)} on"
             entries = [
                 *_place(cell, run.label, run.seed),
                 text(run.status, "bad"),
@@ -134,13 +134,52 @@ def losses_table(groups: Sequence[Group]) -> Table:
     rows = []
     for cell in (cell for group in groups for cell in group.cells):
         for failure in cell.failures:
-            state = text("not run", "faint") if failure.pending else text("failed", "bad")
+            state = _lost(failure)
             reason = cut(failure.reason or "no reason given", _LONGEST)
-            entries = [*_place(cell, failure.label, failure.seed), state, text(reason)]
+            entries = [
+                *_place(cell, failure.label, failure.seed),
+                text(state.text, state.mark),
+                text(reason),
+            ]
             rows.append(Row(text(cell.robot), entries))
     names = ["robot", "task", "scenario", "controller", "seed", "outcome", "reason"]
     heads = [Entry(name, number=name == "seed") for name in names]
     return Table("Why each of them has no result", heads, rows)
+
+
+def saturation_table(groups: Sequence[Group]) -> Table | None:
+    """Where limits of the motors cut torques: scenarios by controllers; None where they never did."""
+    rows: dict[str, list[CellRuns]] = {}
+    for cell in (cell for group in groups for cell in group.cells):
+        if any(run.saturation is not None for run in cell.runs):
+            rows.setdefault(cell.variant, []).append(cell)
+    if not rows:
+        return None
+    labels = unique([label for group in groups for label in group.labels])
+    content = [
+        Row(text(name), [_saturation(cells, label) for label in labels])
+        for name, cells in rows.items()
+    ]
+    columns = [text("scenario"), *(Entry(label, label=label) for label in labels)]
+    caption = (
+        "Share of the ticks at which a limit cut a torque, median over runs; in how many at all"
+    )
+    return Table(caption, columns, content)
+
+
+def _saturation(cells: Sequence[CellRuns], label: str) -> Entry:
+    runs = [run for cell in cells for run in cell.of(label)]
+    shares = [run.metric("saturation_share") for run in runs]
+    shares = [share for share in shares if math.isfinite(share)]
+    if not shares:
+        return Entry(UNDEFINED, "faint")
+    starts = [run.saturation for run in runs if run.saturation is not None]
+    if not starts:
+        return Entry("0 %", "faint")
+    share = 100.0 * float(np.median(shares))
+    detail = f"at most {number(100.0 * max(shares), 2)} %"
+    where = f"{len(starts)} of {len(runs)} runs, from {instant(min(starts))}"
+    return Entry(f"{number(share, 2)} %", "", detail, unit=where)
 
 
 def unused_table(files: Sequence[UnusedFile]) -> Table:
@@ -251,10 +290,10 @@ def definitions_table() -> Table:
 def _summary_entry(runs: Sequence[ReportedRun], failures: Sequence[FailedRun], best: str) -> Entry:
     if not runs and not failures:
         return Entry("not asked", "faint")
-    if failures:
-        pending = all(failure.pending for failure in failures)
-        return Entry("not run" if pending else "failed", "bad", cut(failures[0].reason, _LONGEST))
+    failed = [failure for failure in failures if not failure.pending]
     ended = [run for run in runs if not run.ok]
+    if failed or (failures and not ended):
+        return _lost((failed or failures)[0])
     if ended:
         some = f" ({len(ended)} of {len(runs)} seeds)" if len(runs) > 1 else ""
         return Entry(f"{ending(ended[0])}{some}", "bad", ended[0].message)
@@ -264,7 +303,13 @@ def _summary_entry(runs: Sequence[ReportedRun], failures: Sequence[FailedRun], b
     return Entry(error, "bad", "|e^e| did not settle below 1e-4 m")
 
 
-def _best_of_summary(cell: Cell) -> str:
+def _lost(failure: FailedRun) -> Entry:
+    """What stands where a run has no result: not being done yet is no fault."""
+    reason = cut(failure.reason, _LONGEST)
+    return Entry("not run", "faint", reason) if failure.pending else Entry("failed", "bad", reason)
+
+
+def _best_of_summary(cell: CellRuns) -> str:
     errors = [
         worst_error(cell.of(label))
         for label in cell.labels
@@ -273,7 +318,7 @@ def _best_of_summary(cell: Cell) -> str:
     return number(min(errors, default=math.nan))
 
 
-def _metric_row(metric: Metric, cell: Cell, *, ranked: bool) -> Row:
+def _metric_row(metric: Metric, cell: CellRuns, *, ranked: bool) -> Row:
     values = [run.metrics.get(metric.name, math.nan) for run in cell.runs]
     # cheap motion is no merit of a run that misses its task
     rivals = [
@@ -320,7 +365,7 @@ def _in_sections(metrics: Sequence[Metric]) -> list[Metric]:
     return sorted(metrics, key=place)  # stable: by name within a section
 
 
-def _place(cell: Cell, label: str, seed: int) -> list[Entry]:
+def _place(cell: CellRuns, label: str, seed: int) -> list[Entry]:
     return [text(cell.task), text(cell.variant), text(label, label=label), Entry(str(seed))]
 
 

@@ -131,7 +131,7 @@ def _error_panel(
     good = [of(run).values for run in curves.runs if run.run.ok]
     values = good or [of(run).values for run in curves.runs] or [np.zeros(0)]
     low, high = decades(np.concatenate(values), FLOOR)
-    items: list[Item] = [_steady(curves.cell.place.duration)]
+    items: list[Item] = [_steady(curves.cell.duration)]
     if rule is not None and low < rule < high:
         items.append(Rule(rule, "y"))
     for run in curves.runs:
@@ -141,14 +141,14 @@ def _error_panel(
             last = trace.values[np.isfinite(trace.values)]
             where = float(np.clip(last[-1], low, high)) if len(last) else high
             items.append(Point(float(trace.t[-1]), where, look, "cross"))
-    x = Axis("t  (s)", 0.0, curves.cell.place.duration)
+    x = Axis("t  (s)", 0.0, curves.cell.duration)
     return Panel(x, Axis(label, low, high, log=True), items, title)
 
 
 def _torque_panel(
     curves: RunCurves, part: MotorPart, looks: Sequence[Look], title: str = ""
 ) -> Panel:
-    duration = curves.run.place.duration
+    duration = curves.run.cell.duration
     traces = [curves.motors[motor] for motor in part.motors]
     size = min(largest(traces), part.bound)
     items: list[Item] = [
@@ -183,5 +183,5 @@ def _legend(curves: CellCurves, styles: Mapping[str, Look]) -> list[Key]:
 
 
 def _place(curves: RunCurves) -> str:
-    place = curves.run.place
-    return f"{place.robot}, {place.task}, {place.scenario}"
+    cell = curves.run.cell
+    return f"{cell.robot}, {cell.task}, {cell.scenario}, dt {1e3 * cell.dt:g} ms"
