@@ -94,11 +94,14 @@ def describe(model: type[BaseModel], error: ValidationError) -> str:
     """All of a validation's errors in one line."""
     clauses = []
     for item in error.errors():
-        # the branches of a union ("float", "list[float]") are no fields
+        # the branches of a union ("float", "constrained-float", "list[float]") are no fields
         loc = [part for part in item["loc"] if str(part) not in ("int", "float", "str")]
-        loc = [part for part in loc if "[" not in str(part)]
-        field = ".".join(str(part) for part in loc) or "(whole)"
-        if item["type"] == "extra_forbidden":
+        loc = [p for p in loc if "[" not in str(p) and not str(p).startswith("constrained-")]
+        field = ".".join(str(part) for part in loc)
+        message = item["msg"].removeprefix("Value error, ")
+        if not loc and item["type"] == "value_error":  # of several fields together
+            clauses.append(message)
+        elif item["type"] == "extra_forbidden":
             clauses.append(
                 f"field {field!r} is unknown; allowed beside it: {_siblings(model, item)}"
             )
@@ -107,7 +110,7 @@ def describe(model: type[BaseModel], error: ValidationError) -> str:
         else:
             found = repr(item["input"])
             found = found if len(found) <= 60 else found[:57] + "..."
-            clauses.append(f"field {field!r} is {found}: {item['msg']}")
+            clauses.append(f"field {field or '(whole)'!r} is {found}: {message}")
     return "; ".join(dict.fromkeys(clauses))
 
 

@@ -21,7 +21,6 @@ from mobman.model.build import load_robot
 from mobman.robots.catalogue import find_spec, list_robots
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.task import check_parameters, make_task, task_parameters, tasks
-from mobman.toml_model import validate
 from mobman.version import __version__
 
 if TYPE_CHECKING:
@@ -104,10 +103,9 @@ class Expansion:
             run = whole(place)
             run_id = run.run_id
             other = runs.setdefault(run_id, run)
-            if other.label != run.label:
-                self._note(
-                    f"{place.where}: labels {other.label!r} and {run.label!r} are the same run"
-                )
+            for name, first in ((run.label, other.label), (run.task, other.task)):
+                if first != name:
+                    self._note(f"{place.where}: labels {first!r} and {name!r} are the same run")
             if by_name.setdefault((run.cell, run.label, run.seed), run_id) != run_id:
                 self._note(f"{place.where}: {run} is asked for twice, with other gains")
         self._raise()
@@ -299,7 +297,8 @@ class Expansion:
         found: dict[str, None] = {}
         for pattern in patterns:
             if files and pattern.endswith(".toml"):
-                found[pattern] = None
+                if self._try(f"scenario {pattern!r}", load_scenario, pattern) is not None:
+                    found[pattern] = None
                 continue
             try:
                 found |= dict.fromkeys(chosen(kind, pattern, names, members))
@@ -321,7 +320,7 @@ class Expansion:
     def _scenario(self, name: str) -> dict[str, Any]:
         if name in self._scenarios:
             fields = {**self._scenarios[name], "name": name}
-            return validate(Scenario, fields, f"scenarios.{name}").model_dump(mode="json")
+            return Scenario(**fields).model_dump(mode="json")
         return load_scenario(name).model_dump(mode="json")
 
     def _of_controller(self, place: _Place) -> str:
@@ -348,7 +347,8 @@ class Expansion:
         try:
             return function(*arguments, **options)
         except MobmanError as error:
-            self._note(f"{where}: {error}")
+            told = str(error)
+            self._note(told if told.startswith(f"{where}:") else f"{where}: {told}")
             return None
 
     def _note(self, problem: str) -> None:

@@ -54,7 +54,7 @@ def chosen(
         [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
     )
     if not found:
-        raise UnknownNameError(kind, pattern, [*names, *members])
+        raise UnknownNameError(kind, pattern, dict.fromkeys([*names, *members]))
     return found
 
 

@@ -15,6 +15,10 @@ from mobman.simulation.temporary import temporary_beside
 
 SCHEMA_VERSION = 2
 NAME = "suite.json"
+_ADVICE = (
+    "Run the suite again, into another folder, or into this one without that file: runs that are there "
+    "and still fit are used"
+)
 
 
 @dataclass(frozen=True)
@@ -63,14 +67,16 @@ def read_manifest(folder: Path) -> Manifest:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise MobmanError(f"{folder} holds no results: there is no {NAME}") from error
-    except (OSError, ValueError) as error:
-        raise MobmanError(f"cannot read {path}: {error}") from error
+    except NotADirectoryError as error:
+        raise MobmanError(f"{folder} is no folder of results: it is a file") from error
+    except OSError as error:
+        raise MobmanError(f"cannot read {path}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise MobmanError(f"cannot read {path}: it is not JSON ({error}). {_ADVICE}") from error
     version = content.get("schema_version") if isinstance(content, dict) else None
     if version != SCHEMA_VERSION:
         raise MobmanError(
-            f"{path} has schema version {version}; this mobman reads version {SCHEMA_VERSION}. "
-            "Choose another folder with -o, or remove the file: runs that are there and still fit are "
-            "used"
+            f"{path} has schema version {version}; this mobman reads version {SCHEMA_VERSION}. {_ADVICE}"
         )
     try:
         parts = content["shared"]
@@ -78,7 +84,9 @@ def read_manifest(folder: Path) -> Manifest:
         suite = Suite.model_validate(content["suite"])
         return Manifest(suite, tuple(runs), content["seconds"], content["workers"])
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, MobmanError) as error:
-        raise MobmanError(f"{path} is not whole: {error!r}") from error
+        raise MobmanError(
+            f"{path} is not whole ({type(error).__name__}: {error}). {_ADVICE}"
+        ) from error
 
 
 class _Shared:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from mobman.benchmark.manifest import NAME
 from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.store import Store
-from mobman.errors import MobmanError, RecordError
+from mobman.errors import MobmanError, RecordError, UsageError
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,10 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
 
     Raises:
         MobmanError: If a folder holds no results, or another suite's, or ``into`` cannot be written.
+        UsageError: If there is no folder to join.
     """
+    if isinstance(folders, str) or not folders:
+        raise UsageError(f"folders = {folders!r}: must be a list of one folder or more")
     sources = [Store(folder) for folder in folders]
     target = Store(into)
     if (target.folder / NAME).exists():

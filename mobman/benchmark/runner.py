@@ -87,6 +87,7 @@ def run_suite(
     limit = suite.time_limit if time_limit is None else time_limit
     if not limit > 0:
         raise UsageError(f"time_limit = {limit!r}: must be above 0 s")
+    _check_place(executor, workers, dask)
     tell = on_event or _nothing
     asked = suite.runs()
     runs = asked if part is None else _part(asked, *part)
@@ -121,10 +122,6 @@ def _place(
     runs: int,
     limit: float,
 ) -> Place:
-    given = {"executor": executor, "workers": workers, "dask": dask}
-    chosen = [name for name, value in given.items() if value is not None]
-    if len(chosen) > 1:
-        raise UsageError(f"{' and '.join(chosen)} are given: choose one of them")
     if dask is not None:
         from mobman.benchmark.running.cluster import Cluster
 
@@ -133,10 +130,16 @@ def _place(
         compile_ahead()  # here and once, instead of in every worker
     if executor is not None:
         return Given(executor)
-    count = default_workers() if workers is None else workers
-    if count < 1:
-        raise UsageError(f"workers = {count!r}: must be 1 or more")
-    return Local(min(count, runs), limit)
+    return Local(min(default_workers() if workers is None else workers, runs), limit)
+
+
+def _check_place(executor: object, workers: int | None, dask: str | None) -> None:
+    given = {"executor": executor, "workers": workers, "dask": dask}
+    chosen = [name for name, value in given.items() if value is not None]
+    if len(chosen) > 1:
+        raise UsageError(f"{' and '.join(chosen)} are given: choose one of them")
+    if workers is not None and workers < 1:
+        raise UsageError(f"workers = {workers!r}: must be 1 or more")
 
 
 def _run(

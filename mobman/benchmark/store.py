@@ -135,9 +135,9 @@ class Store:
         return found
 
     def done(self, run: RunSpec) -> bool:
-        """Whether a run's record is there and can be read."""
+        """Whether a run's record is there, can be read, and is of this run."""
         try:
-            read_summary(self.path(run))
+            self.summary(run)
         except RecordError:
             return False
         return True
@@ -148,7 +148,7 @@ class Store:
         for run in runs:
             if os.path.lexists(self.path(run)):
                 try:
-                    read_summary(self.path(run))
+                    self.summary(run)
                 except RecordError as error:
                     found.append(str(error))
         return found
@@ -171,9 +171,18 @@ class Store:
         """A run's record without its samples.
 
         Raises:
-            RecordError: If it is not there or cannot be read.
+            RecordError: If it is not there, cannot be read, or is another run's.
         """
-        return read_summary(self.path(run))
+        path = self.path(run)
+        summary = read_summary(path)
+        asked = (run.scenario["name"], run.seed)
+        found = (summary.scenario, summary.seed)
+        if found != asked:
+            raise RecordError(
+                f"{path} is another run's record: scenario {found[0]!r} and seed {found[1]}, where the "
+                f"suite asks for {asked[0]!r} and {asked[1]}"
+            )
+        return summary
 
     def forget(self, runs: Iterable[RunSpec]) -> None:
         """Remove records, so that they are run anew.

@@ -92,28 +92,45 @@ def run_command(
                     on_event=display.tell,
                 )
         except KeyboardInterrupt:
-            click.echo(
-                f"mobman: interrupted after {display.there} of {display.asked} runs; what was done is "
-                f"kept in {folder}, the same command goes on from there",
-                err=True,
-            )
+            click.echo(f"mobman: {_interrupted(display, folder)}", err=True)
             raise click.exceptions.Exit(130) from None
     ended = sum(outcome.status in ("diverged", "singular") for outcome in summary.outcomes)
-    click.echo(
-        f"{summary.asked} runs: {summary.skipped} were there, {len(summary.outcomes)} done in "
-        f"{summary.seconds:.0f} s with {summary.workers} workers; {ended} of these diverged or met a "
-        f"singularity, {len(summary.failed)} failed"
-    )
+    done = f"{summary.asked} runs: {summary.skipped} were there"
+    if summary.outcomes:
+        done += (
+            f", {len(summary.outcomes)} done in {summary.seconds:.0f} s with {summary.workers} "
+            f"{'worker' if summary.workers == 1 else 'workers'}; {ended} of these diverged or met a "
+            f"singularity, {len(summary.failed)} failed"
+        )
+    click.echo(done)
     for outcome in summary.failed:
         click.echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
     if part is None:
-        _report(folder)
+        try:
+            _report(folder)
+        except KeyboardInterrupt:
+            click.echo(
+                f"mobman: interrupted; all runs are kept in {folder}, their report is written by: "
+                f"mobman bench report {folder}",
+                err=True,
+            )
+            raise click.exceptions.Exit(130) from None
     else:
         click.echo(
-            f"part {part[0]} of {part[1]} is in {folder}; the parts are joined by: mobman bench merge"
+            f"part {part[0]} of {part[1]} is in {folder}; the parts are joined by: "
+            "mobman bench merge FOLDERS -o FOLDER"
         )
     if summary.failed:
         raise click.exceptions.Exit(1)
+
+
+def _interrupted(display: SuiteProgress, folder: Path) -> str:
+    if not display.asked:
+        return "interrupted before the first run"
+    return (
+        f"interrupted after {display.there} of {display.asked} runs; what was done is kept in {folder}, "
+        "the same command goes on from there"
+    )
 
 
 @bench.command("report")

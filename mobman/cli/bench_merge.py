@@ -30,8 +30,8 @@ def merge_command(folders: tuple[Path, ...], output: Path) -> None:
     for message in merged.conflicts:
         click.echo(f"mobman: conflict, the first is kept: {message}", err=True)
     click.echo(
-        f"{output}: {merged.there} of {merged.asked} runs, {merged.copied} copied; "
-        f"mobman bench report {output}"
+        f"{output}: {merged.there} of {merged.asked} runs, {merged.copied} copied; the "
+        f"report is written by: mobman bench report {output}"
     )
     if merged.unusable or merged.conflicts:
         raise click.exceptions.Exit(1)

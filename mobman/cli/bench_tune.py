@@ -16,6 +16,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from mobman.cli.interruption import interrupted_once
 from mobman.cli.output import console, print_json
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def tune(
     count = default_workers() if workers is None else workers
     display = _Display(count)
     try:
-        with display:
+        with interrupted_once(), display:
             result = tune_suite(
                 chosen,
                 folder,

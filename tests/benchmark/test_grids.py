@@ -145,7 +145,7 @@ dt = 1e-3
         ("[[overrides]]\nwhere = { }\n", "say of which robots"),
         ('[[overrides]]\nwhere = { robot = ["youbot"] }\n', "where.robot"),
         ("[scenarios.bad]\nmass_factor = -1\n", "mass_factor"),
-        ("[scenarios.bad]\nmass = 1\n", "'mass' is unknown"),
+        ("[scenarios.bad]\nmass = 1\n", ": scenario 'bad': field 'mass' is unknown"),
         ('[tasks.far]\ntask = "circl"\n', "did you mean 'circle'"),
         ('[controllers.x]\nlaw = "tsm"\ngrid = { width = [] }\n', "controllers.x.grid.width"),
         ('[controllers.x]\nlaw = "tsm"\ngrid = { a = [-1.0] }\n', "controller 'x--1'"),

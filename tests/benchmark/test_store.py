@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -18,7 +19,7 @@ from mobman.benchmark.merging import merge
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.cli.main import mobman as command
-from mobman.errors import MobmanError
+from mobman.errors import MobmanError, UsageError
 from mobman.simulation.scenario import Scenario
 
 
@@ -38,7 +39,7 @@ def contents(runs):
     return {run.run_id: record_of(run).to_bytes() for run in runs}
 
 
-def record_of(run, *, seed=None):
+def record_of(run):
     return mm.simulate(
         run.robot,
         mm.make_controller(run.law, **run.gains),
@@ -46,7 +47,7 @@ def record_of(run, *, seed=None):
         duration=run.duration,
         dt=run.dt,
         scenario=Scenario.model_validate(run.scenario),
-        seed=run.seed if seed is None else seed,
+        seed=run.seed,
     )
 
 
@@ -119,6 +120,15 @@ def _foreign(path: Path) -> None:
 def _older(path: Path) -> None:
     with h5py.File(path, "a") as file:
         file.attrs["schema_version"] = 1
+
+
+def test_another_runs_record_is_told_and_its_run_done_again(tmp_path, suite, runs, contents):
+    store = filled(tmp_path / "one", suite, runs, contents)
+    store.path(runs[0]).write_bytes(contents[runs[1].run_id])
+    assert [run for run in runs if not store.done(run)] == [runs[0]]
+    assert "is another run's record" in store.unreadable(runs)[0]
+    merged = merge([store.folder], tmp_path / "all")
+    assert (merged.there, len(merged.unusable)) == (7, 1)
 
 
 def test_files_that_were_not_asked_for_are_left_alone_and_listed(tmp_path, suite, runs, contents):
@@ -216,7 +226,7 @@ def test_different_results_of_one_run_are_told_and_the_first_is_kept(
     one = filled(tmp_path / "one", suite, runs, contents)
     two = filled(tmp_path / "two", suite, runs, contents)
     disturbed = next(run for run in runs if run.scenario["name"] == "disturbed")
-    two.keep(disturbed, record_of(disturbed, seed=7).to_bytes())
+    two.keep(disturbed, record_of(replace(disturbed, gains={"K_p": 30.0})).to_bytes())
     result = CliRunner().invoke(
         command, ["bench", "merge", str(one.folder), str(two.folder), "-o", str(tmp_path / "all")]
     )
@@ -245,6 +255,18 @@ def test_failures_are_joined_where_no_folder_has_the_result(tmp_path, suite, run
     assert [(failure.run_id, failure.reason) for failure in failures] == [
         (runs[7].run_id, "killed, too")
     ]
+
+
+@pytest.mark.parametrize("folders", [[], "results"])
+def test_nothing_to_join_is_told(tmp_path, folders):
+    with pytest.raises(UsageError, match="a list of one folder or more"):
+        merge(folders, tmp_path)
+
+
+def test_a_file_is_no_folder_of_results(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(MobmanError, match="it is a file"):
+        read_manifest(tmp_path / "file")
 
 
 def test_other_suites_are_not_joined(tmp_path, suite, runs, contents):

@@ -72,6 +72,16 @@ def test_all_wrong_names_are_told_at_once(tmp_path):
         ("duration = 0.02", "duration = -1", "duration"),
         ("seeds = [0, 1]", "seeds = []", "seeds"),
         ("schema = 1", "schema = 7", "schema"),
+        (
+            "duration = 0.02",
+            "duration = 0.02\ndt = -1",
+            "field 'dt' is -1: Input should be greater",
+        ),
+        (
+            "duration = 0.02",
+            "duration = 1e-4",
+            "toml: duration 0.0001 s is shorter than dt 0.001 s",
+        ),
         ('robots = ["youbot"]', 'robot = ["youbot"]', "groups.0.robot"),
         ('law = "pseudo-inverse"', "law = 3", "controllers.pseudo-inverse.law"),
     ],
@@ -99,6 +109,22 @@ def test_two_labels_for_one_run_are_refused(tmp_path):
         path.read_text().replace("damped-least-squares", "pseudo-inverse").replace("mu = 0.02", "")
     )
     with pytest.raises(SpecError, match="'pseudo-inverse' and 'damped' are the same run"):
+        load_suite(path).runs()
+
+
+def test_two_tasks_for_one_run_are_refused(tmp_path):
+    path = small_suite(tmp_path)
+    text = path.read_text().replace('tasks = ["circle"]', 'tasks = ["circle", "round"]')
+    path.write_text(text + '\n[tasks.round]\ntask = "circle"\n')
+    with pytest.raises(SpecError, match="'circle' and 'round' are the same run"):
+        load_suite(path).runs()
+
+
+def test_a_scenario_file_that_is_not_there_is_told_beside_other_faults(tmp_path):
+    path = small_suite(tmp_path)
+    text = path.read_text().replace('"circle"', '"cirlce"').replace('"disturbed"', '"none.toml"')
+    path.write_text(text)
+    with pytest.raises(SpecError, match=r"did you mean 'circle'.*cannot read the scenario file"):
         load_suite(path).runs()
 
 

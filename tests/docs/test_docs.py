@@ -119,6 +119,7 @@ GENERATED = {
     "gains": gains_table,
     "robots": robots_table,
     "scenarios": scenarios_table,
+    "suites": suites_table,
     "tasks": tasks_table,
 }
 

@@ -42,6 +42,7 @@ class Cluster(Place):
             raise MobmanError(
                 "running on a cluster needs Dask; install it with: pip install 'mobman[dask]'"
             ) from error
+        _check_address(address)  # before there is a client that has to be closed
         connect: Any = distributed.Client  # its signature has no types
         self._address = address
         self._levels = {name: logging.getLogger(name).level for name in _LOGGERS}
@@ -54,9 +55,7 @@ class Cluster(Place):
                 f"no Dask scheduler answers at {address}; start one with: dask scheduler"
             ) from error
         except (ValueError, TypeError) as error:
-            raise UsageError(
-                f"{address!r} is no address of a Dask scheduler ({error}); it is like tcp://host:8786"
-            ) from error
+            raise _no_address(address, error) from error
         self._executor: Executor = self._client.get_executor(pure=False)
         self._parcels: Sequence[Parcel] = ()
         self._known: set[str] = set()
@@ -180,6 +179,23 @@ class Cluster(Place):
             for worker, answer in answers.items()
             if not isinstance(answer, BaseException)
         }
+
+
+def _check_address(address: str) -> None:
+    from distributed.comm.addressing import get_address_host_port
+
+    if address.startswith("inproc:"):  # of a cluster in this process, which has no port
+        return
+    try:
+        get_address_host_port(address)
+    except (ValueError, TypeError) as error:
+        raise _no_address(address, error) from error
+
+
+def _no_address(address: str, error: Exception) -> UsageError:
+    return UsageError(
+        f"{address!r} is no address of a Dask scheduler ({error}); it is like tcp://host:8786"
+    )
 
 
 def _by_value() -> tuple[

@@ -13,13 +13,14 @@ import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
+from multiprocessing import resource_tracker
 from multiprocessing.context import BaseContext
 from queue import SimpleQueue
 from typing import Any
 
 from mobman.benchmark.running.worker_process import WorkerLostError, WorkerProcess
 
-_PRELOAD = "mobman.benchmark.running.preload"
+_PRELOAD = ("mobman.benchmark.running.quiet_server", "mobman.benchmark.running.preload")
 _TRIES = 3  # to start a process
 
 
@@ -34,6 +35,8 @@ class WorkerProcesses(Executor):
 
     def __init__(self, count: int) -> None:
         self._context = _context()
+        # Before a thread blocks SIGINT: starting it, Python's own helper unblocks the signal again.
+        resource_tracker.ensure_running()
         self._count = count
         self._waiting: SimpleQueue[tuple[Future[Any], Callable[..., Any], tuple[Any, ...]] | None]
         self._waiting = SimpleQueue()
@@ -146,5 +149,5 @@ def _context() -> BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([_PRELOAD])
+    context.set_forkserver_preload([*_PRELOAD])
     return context

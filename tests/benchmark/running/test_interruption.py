@@ -169,3 +169,4 @@ def test_options_that_make_no_sense_are_told(options, message):
 def test_two_places_at_once_are_told(tmp_path):
     with pytest.raises(UsageError, match="workers and dask are given: choose one"):
         run_suite(suite_of(["tsm"]), tmp_path / "r", workers=1, dask="tcp://127.0.0.1:1")
+    assert not (tmp_path / "r").exists()
