@@ -106,7 +106,7 @@ def read_results(
         path = store.path(spec)
         asked.add(path.name)
         try:
-            summary = _summary_of(spec, path)
+            summary = store.summary(spec)
         except RecordError as error:
             reason = reasons.get(path.stem, "")
             there = path.exists()
@@ -129,26 +129,6 @@ def read_results(
         raise MobmanError(f"{store.folder} holds no runs")
     unused += _others(store, asked)
     return Results(_suite(store), runs, failures, unused)
-
-
-def _summary_of(spec: RunSpec, path: Path) -> RecordSummary:
-    """A run's record without its samples.
-
-    Raises:
-        RecordError: If it is not there, cannot be read, or is another run's.
-    """
-    try:
-        summary = read_summary(path)
-    except (RuntimeError, AttributeError) as error:  # of a file that is broken within
-        raise RecordError(f"{path} is not a whole record: {error}") from error
-    asked = (spec.scenario["name"], spec.seed)
-    found = (summary.scenario, summary.seed)
-    if found != asked:
-        raise RecordError(
-            f"{path} is another run's record: scenario {found[0]!r} and seed {found[1]}, where the "
-            f"suite asks for {asked[0]!r} and {asked[1]}"
-        )
-    return summary
 
 
 def _reported(spec: RunSpec, summary: RecordSummary, path: Path, folder: Path) -> ReportedRun:
@@ -190,7 +170,7 @@ def _others(store: Store, asked: set[str]) -> list[UnusedFile]:
         else:
             try:
                 read_summary(path)
-            except (RecordError, RuntimeError, AttributeError) as error:
+            except RecordError as error:
                 reason = str(error)
         found.append(UnusedFile(_relative(path, store.folder), reason))
     return found
