@@ -25,7 +25,8 @@ pytestmark = pytest.mark.xdist_group("viewer")
 def results(tmp_path):
     """A folder of 8 runs, one of which ended early, after its last sample that was kept."""
     folder = tmp_path / "some results"
-    run_suite(load_suite(small_suite(tmp_path)), folder, workers=1)
+    suite = load_suite(small_suite(tmp_path)).model_copy(update={"record_period": 1e-3})
+    run_suite(suite, folder, workers=1)
     failed = sorted((folder / "runs").glob("*.h5"))[0]
     whole = mm.load_record(failed)
     rows = slice(0, 12)

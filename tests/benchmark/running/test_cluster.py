@@ -57,6 +57,7 @@ def test_everywhere_the_same_bits(tmp_path, cluster):
     assert bits(tmp_path / "client", suite) == expected
 
 
+@pytest.mark.slow  # it costs eight workers by default
 def test_a_run_that_kills_workers_is_told_and_the_others_done(tmp_path, monkeypatch):
     mm.list_controllers()
     module = ModuleType("beside_a_script")  # which no worker could import
