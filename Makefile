@@ -23,10 +23,10 @@ bench: $(VENV)/installed
 	$(BIN)/mobman bench run $(SUITE) -o results/$(SUITE)
 
 test: lint
-	$(BIN)/python -m pytest -n auto --dist loadgroup
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 test-slow: $(VENV)/installed-test
-	$(BIN)/python -m pytest -n auto --dist loadgroup -m slow
+	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
 
 speed: $(VENV)/installed-speed
 	$(BIN)/python benchmarks/speed.py -o results/speed

@@ -24,8 +24,6 @@ from mobman.robots import catalogue
 from mobman.simulation.record import load_record
 from mobman.simulation.temporary import temporary_beside
 
-pytestmark = pytest.mark.xdist_group("runner")
-
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):

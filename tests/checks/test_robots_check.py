@@ -10,8 +10,6 @@ import sys
 import pytest
 from support.variants import description, toml, youbot_urdf
 
-pytestmark = pytest.mark.xdist_group("cli")
-
 
 def check(*arguments, env=None):
     return subprocess.run(

@@ -11,8 +11,6 @@ from support.suites import small_suite
 
 import mobman as mm
 
-pytestmark = pytest.mark.xdist_group("cli")
-
 
 def mobman(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(

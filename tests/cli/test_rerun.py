@@ -14,8 +14,6 @@ from click.testing import CliRunner
 import mobman as mm
 from mobman.cli.rerun import rerun
 
-pytestmark = pytest.mark.xdist_group("cli")
-
 
 def mobman(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(

@@ -8,8 +8,6 @@ from support.errors import largest_after, size_at
 
 import mobman as mm
 
-pytestmark = pytest.mark.xdist_group("other laws")
-
 
 def _run(law, **options):
     gains = {"a": 0.2} if law.startswith("tsm") else {}

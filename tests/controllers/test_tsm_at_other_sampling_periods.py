@@ -11,8 +11,6 @@ from support.errors import largest_after, size_at
 import mobman as mm
 from mobman.simulation.scenario import Scenario
 
-pytestmark = pytest.mark.xdist_group("tsm sampled otherwise")
-
 PAPER = {"a": 0.2, "A": 0.2}
 
 

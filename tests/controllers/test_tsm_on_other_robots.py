@@ -8,8 +8,6 @@ from support.errors import largest_after
 
 import mobman as mm
 
-pytestmark = pytest.mark.xdist_group("tsm on other robots")
-
 
 @pytest.fixture(scope="module")
 def record():

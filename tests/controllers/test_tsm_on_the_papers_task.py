@@ -11,8 +11,6 @@ from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
 from mobman.tasks.criteria.posture import Posture
 
-pytestmark = pytest.mark.xdist_group("tsm on the paper's task")
-
 
 @pytest.fixture(scope="module")
 def record():

@@ -7,8 +7,6 @@ from support.errors import largest_after
 
 import mobman as mm
 
-pytestmark = pytest.mark.xdist_group("uncertain plants")
-
 
 def _tsm(scenario, **options):
     controller = mm.make_controller("tsm", a=0.2, A=0.2)

@@ -14,8 +14,6 @@ import pytest
 import mobman
 from mobman.kernels.cache import kernel_files
 
-pytestmark = pytest.mark.xdist_group("kernel_cache")
-
 PACKAGE = Path(mobman.__file__).parent
 
 TINY = """

@@ -56,7 +56,6 @@ def plain(tmp_path_factory, request):
         return dict(arrays)
 
 
-@pytest.mark.xdist_group("plain_path")
 @pytest.mark.parametrize("run", RUNS, ids=lambda run: "-".join(map(str, run[:2])))
 def test_plain_python_computes_the_same(run, plain):
     compiled = simulated(*run)

@@ -12,8 +12,6 @@ from mobman.viewer.labels import labels
 from mobman.viewer.view import make_scene
 from tests.support.poses import largest_difference
 
-pytestmark = pytest.mark.xdist_group("viewer")
-
 
 @pytest.fixture(scope="module")
 def pair(runs):

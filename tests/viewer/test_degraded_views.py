@@ -18,7 +18,6 @@ from mobman.viewer.view import make_scene
 from tests.support.poses import largest_difference
 from tests.support.variants import youbot_urdf, youbot_with_urdf
 
-pytestmark = pytest.mark.xdist_group("viewer")
 MESH = '<visual><geometry><mesh filename="package://nowhere/{}"/></geometry></visual>'
 
 

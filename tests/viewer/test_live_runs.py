@@ -23,8 +23,6 @@ from mobman.viewer.live import LiveRun
 from mobman.viewer.view import View
 from tests.support.poses import largest_difference
 
-pytestmark = pytest.mark.xdist_group("viewer")
-
 ARRAYS = (
     *("t", "q", "z", "torque", "tip_position", "tip_desired", "task_error", "auxiliary_error"),
 )

@@ -21,8 +21,6 @@ from mobman.cli.view import view as view_command
 from mobman.viewer.view import View, make_scene
 from tests.support.poses import largest_difference
 
-pytestmark = pytest.mark.xdist_group("viewer")
-
 
 def _serving():
     return [thread for thread in threading.enumerate() if thread.name == "mobman view"]

@@ -12,7 +12,6 @@ from PIL import Image
 import mobman as mm
 from mobman.viewer.view import View, make_scene
 
-pytestmark = pytest.mark.xdist_group("viewer")
 SMALL = (320, 200)
 
 

@@ -17,9 +17,6 @@ from tests.support.poses import drawn, largest_difference
 TOLERANCE = 1e-6
 
 
-pytestmark = pytest.mark.xdist_group("viewer")
-
-
 def _go_to(page, time):
     page.evaluate("time => mobman.setTime(time)", float(time))
 

@@ -18,8 +18,6 @@ from mobman.cli.bench import report_command
 from mobman.cli.view import view as view_command
 from tests.support.poses import largest_difference
 
-pytestmark = pytest.mark.xdist_group("viewer")
-
 
 @pytest.fixture
 def results(tmp_path):

@@ -16,9 +16,6 @@ from tests.support.poses import largest_difference
 TOLERANCE = 1e-6
 
 
-pytestmark = pytest.mark.xdist_group("viewer")
-
-
 @pytest.fixture
 def shown(replay):
     """A robot, and a page that shows it at rest."""

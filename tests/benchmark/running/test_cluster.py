@@ -17,7 +17,6 @@ from mobman.benchmark.store import Store
 from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError
 
-pytestmark = pytest.mark.xdist_group("runner")
 LAWS = ["pseudo-inverse", "tsm"]
 
 

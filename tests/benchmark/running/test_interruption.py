@@ -20,8 +20,6 @@ from mobman.benchmark.suite import load_suite
 from mobman.cli.bench import bench
 from mobman.errors import UsageError
 
-pytestmark = pytest.mark.xdist_group("runner")
-
 SUITE = """
 schema = 1
 name = "laws"

@@ -16,8 +16,6 @@ from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError
 from mobman.simulation.record import load_record
 
-pytestmark = pytest.mark.xdist_group("runner")
-
 HOSTILE = {
     "killed": hostile_laws.Killed,
     "leaves": hostile_laws.Leaves,

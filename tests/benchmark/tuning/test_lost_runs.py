@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
 from support import hostile_laws
 from support.suites import small_suite
 
@@ -13,8 +12,6 @@ from mobman.benchmark.tuning.evaluation import Evaluation, evaluate
 from mobman.benchmark.tuning.objective import objectives
 from mobman.benchmark.tuning.processes import local_processes
 from mobman.controllers.protocol import controllers
-
-pytestmark = pytest.mark.xdist_group("runner")
 
 
 def test_each_is_scored_as_one_that_failed_and_costs_nothing_else(tmp_path, monkeypatch):

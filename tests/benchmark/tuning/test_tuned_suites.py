@@ -13,8 +13,6 @@ from mobman.benchmark.tuning.evaluation import Evaluation, simulated
 from mobman.benchmark.tuning.tune import tune_suite
 from mobman.errors import SpecError
 
-pytestmark = pytest.mark.xdist_group("tuning")
-
 
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory):

@@ -28,8 +28,6 @@ from mobman.cli.bench import bench
 from mobman.errors import MobmanError, SpecError
 from mobman.simulation.closed_loop import simulate
 
-pytestmark = pytest.mark.xdist_group("tuning")
-
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
