@@ -21,7 +21,7 @@ def compile_ahead(backwards: bool = False) -> None:
     Args:
         backwards: From the last to the first, to help a process that goes the other way.
     """
-    from mobman.kernels.calling import address_of
+    from mobman.kernels.calling import address_of, runner
     from mobman.kernels.kernel import KERNELS
 
     package = Path(__file__).parents[1]
@@ -32,6 +32,7 @@ def compile_ahead(backwards: bool = False) -> None:
     for function in own[::-1] if backwards else own:
         address_of(function)
     if own:
+        runner()
         with contextlib.suppress(OSError):  # nothing was kept: there is a warning already
             (kernel_folder() / "complete").touch()
 

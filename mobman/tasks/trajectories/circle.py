@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
-from mobman.kernels.kernel import kernel
+from mobman.kernels.kernel import kernel, plain
 from mobman.kernels.program import Call, call
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.parameters import NOT_ZERO, parameter
@@ -48,7 +48,7 @@ class Circle:
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
         """p_d and its first three derivatives at time t (s), each of shape (3,)."""
         p_d = np.empty((4, 3))
-        _circle(np.array([t]), self._parameters(), p_d)
+        plain(_circle)(np.array([t]), self._parameters(), p_d)
         return (p_d[0], p_d[1], p_d[2], p_d[3])
 
     def steps(self, t: Array, p_d: Array) -> list[Call]:
