@@ -105,11 +105,16 @@ def test_a_limit_meets_its_own_thread_only():
 
 
 def test_a_limit_that_is_swallowed_does_not_hit_later_work():
+    swallowed = []
     with time_limit(0.05, fatal=False):
         try:
             while True:
                 time.sleep(1e-3)
-        except BaseException:
-            pass
+        except BaseException as error:
+            swallowed.append(type(error))
+    later = 0
     for _ in range(20):
         time.sleep(1e-3)
+        later += 1
+    assert swallowed == [TimeLimitError]
+    assert later == 20
