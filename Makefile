@@ -6,6 +6,8 @@ PYTHON ?= python3
 SUITE ?= paper
 VENV := .venv
 BIN := $(VENV)/bin
+# Each time, since an update of the sources brings other kernels; at once where they are compiled.
+COMPILE := $(BIN)/python -m mobman.kernels.ahead
 
 .PHONY: bench test test-slow speed lint format pictures clean help
 .DEFAULT_GOAL := help
@@ -20,15 +22,19 @@ help:
 	@echo "make clean       remove $(VENV) and caches; results stay"
 
 bench: $(VENV)/installed
+	$(COMPILE)
 	$(BIN)/mobman bench run $(SUITE) -o results/$(SUITE)
 
 test: lint
+	$(COMPILE)
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
 test-slow: $(VENV)/installed-test
+	$(COMPILE)
 	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
 
 speed: $(VENV)/installed-speed
+	$(COMPILE)
 	$(BIN)/python benchmarks/speed.py -o results/speed
 
 lint: $(VENV)/installed-test
@@ -52,17 +58,14 @@ $(VENV)/python:
 # The stamps depend on what is installed; a changed pyproject.toml installs anew.
 $(VENV)/installed: $(VENV)/python pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
-	$(BIN)/python -m mobman.kernels.ahead
 	touch $@
 
 $(VENV)/installed-test: $(VENV)/python pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test,speed,view,film]'
-	$(BIN)/python -m mobman.kernels.ahead
 	touch $@ $(VENV)/installed $(VENV)/installed-speed $(VENV)/installed-film
 
 $(VENV)/installed-speed: $(VENV)/python pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[speed]'
-	$(BIN)/python -m mobman.kernels.ahead
 	touch $@ $(VENV)/installed
 
 $(VENV)/installed-film: $(VENV)/python pyproject.toml

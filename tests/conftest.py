@@ -17,6 +17,22 @@ OWN = [name for name in mm.list_robots() if origin_of(name) == "mobman"]
 PLATFORM = {name: find_spec(name).platform.type for name in OWN}
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """By file, but the viewer's tests by robot, whose page serves several files."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFileOrPage(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            first = nodeid.rpartition("[")[2].removesuffix("]").split("-")[0]
+            return f"page of {first}" if "/viewer/" in file and first in PLATFORM else file
+
+    return ByFileOrPage(config, log)
+
+
 @pytest.fixture(scope="session", params=PLATFORM)
 def robot(request):
     """Every registered robot in turn."""

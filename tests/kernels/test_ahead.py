@@ -38,3 +38,30 @@ def test_nothing_is_claimed_where_numba_is_switched_off(tmp_path):
     )
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment, timeout=60)
+
+
+RUNS = """
+import mobman as mm
+from mobman.robots.catalogue import find_spec
+from mobman.simulation.scenario import list_scenarios
+
+one_of = {find_spec(name).platform.type: name for name in mm.list_robots()}
+runs = [("youbot", law, "circle", "nominal") for law in mm.list_controllers()]
+runs += [(name, "tsm", "circle", "nominal") for name in one_of.values()]
+runs += [("youbot", "tsm", "circle", scenario) for scenario in list_scenarios()]
+runs += [("youbot", "tsm", task, "nominal") for task in mm.list_tasks() if "singular" not in task]
+for name, law, task, scenario in dict.fromkeys(runs):
+    record = mm.simulate(name, law, task, scenario=scenario, duration=0.004)
+    record.save("run.h5")
+print(len(runs))
+"""
+
+
+def test_a_run_has_nothing_left_to_compile(tmp_path):
+    """Whatever its law, platform, task or scenario."""
+    compile_ahead()
+    done = subprocess.run(
+        [sys.executable, "-c", RUNS], capture_output=True, text=True, cwd=tmp_path, timeout=300
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert int(done.stdout) > 30

@@ -54,14 +54,12 @@ def run(suite, folder, **options):
 
 
 def test_each_loss_is_told_and_costs_nothing_else(tmp_path):
-    laws = ["killed", "leaves", "loops", "hangs", "fills", "raises", "exits", "diverges"]
+    laws = ["killed", "leaves", "fills", "raises", "exits", "diverges"]
     suite = suite_of(["pseudo-inverse", *laws])
-    reasons, tries = run(suite, tmp_path / "all", workers=2, time_limit=1.0)
+    reasons, tries = run(suite, tmp_path / "all", workers=2)
     assert reasons == {
         "killed": "its worker process was ended by SIGKILL (out of memory?); tried 2 times",
         "leaves": "its worker process ended with exit status 7; tried 2 times",
-        "loops": "took longer than its time limit of 1 s; tried 2 times",
-        "hangs": "did not heed its time limit of 1 s, and was ended after 2 s; tried 2 times",
         "fills": "ran out of memory; tried 2 times",
         "raises": "RuntimeError: a bug of its own",
         "exits": "SystemExit: 3",
@@ -69,7 +67,7 @@ def test_each_loss_is_told_and_costs_nothing_else(tmp_path):
     once = {"pseudo-inverse", "raises", "exits", "diverges"}
     assert tries == {law: 1 if law in once else 2 for law in ["pseudo-inverse", *laws]}
     store = Store(tmp_path / "all")
-    assert len(store.failures) == 7
+    assert len(store.failures) == 5
     statuses = {
         run.law: load_record(store.path(run)).status for run in suite.runs() if store.done(run)
     }
@@ -78,6 +76,16 @@ def test_each_loss_is_told_and_costs_nothing_else(tmp_path):
     run_suite(undisturbed, tmp_path / "one", workers=1)
     ((name, alone),) = bits(tmp_path / "one", undisturbed).items()
     assert bits(tmp_path / "all", undisturbed) == {name: alone}
+
+
+def test_what_takes_too_long_is_told(tmp_path):
+    """Alone: on a busy machine a sound run may take as long as the limit, too."""
+    reasons, tries = run(suite_of(["loops", "hangs"]), tmp_path, workers=2, time_limit=1.0)
+    assert reasons == {
+        "loops": "took longer than its time limit of 1 s; tried 2 times",
+        "hangs": "did not heed its time limit of 1 s, and was ended after 2 s; tried 2 times",
+    }
+    assert tries == {"loops": 2, "hangs": 2}
 
 
 def test_a_worker_that_dies_once_costs_nothing(tmp_path):
