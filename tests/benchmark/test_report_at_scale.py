@@ -29,7 +29,7 @@ from mobman.benchmark.report.settings import settings_of, tuning_table, unequal_
 from mobman.benchmark.report.standings_tables import leaderboard_table, pairs_table, tuned_table
 from mobman.benchmark.report.style import styles_of
 from mobman.benchmark.report.summary import summary_lines
-from mobman.benchmark.report.svg import draw
+from mobman.benchmark.report.svg.draw import draw
 from mobman.benchmark.report.table import Entry, Row, Table, heading, text
 from mobman.benchmark.report.tables import endings_table, saturation_table, summary_table
 from mobman.benchmark.report.time_charts import compact_chart

@@ -38,11 +38,6 @@ class Look:
     hollow: bool = False
     """Whether its markers are."""
 
-    @property
-    def dash_array(self) -> str:
-        """The dashes as SVG takes them; empty for a solid line."""
-        return " ".join(f"{length:g}" for length in self.dashes)
-
 
 @dataclass(frozen=True)
 class Axis:

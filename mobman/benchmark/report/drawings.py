@@ -10,7 +10,8 @@ from mobman.benchmark.report.chart import Chart, Look
 from mobman.benchmark.report.content import UnusedFile
 from mobman.benchmark.report.curves import CellCurves, RunCurves, read_curves
 from mobman.benchmark.report.format import slug
-from mobman.benchmark.report.svg import Drawing, draw
+from mobman.benchmark.report.svg.draw import draw
+from mobman.benchmark.report.svg.drawing import Drawing
 from mobman.benchmark.report.time_charts import (
     auxiliary_error_chart,
     compact_chart,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from mobman.benchmark.report.cells import CellRuns, Group, groups_of, labels_of
+from mobman.benchmark.report.cells import CellRuns, Group
 from mobman.benchmark.report.chart import Chart, Look
 from mobman.benchmark.report.content import FailedRun, ReportedRun, ReportedSuite
 from mobman.benchmark.report.table import Entry, Row, Table
@@ -155,15 +155,11 @@ def _content(
 ) -> tuple[dict[str, Table], dict[str, Chart]]:
     from mobman.benchmark.report import overview_charts as drawn
     from mobman.benchmark.report import standings_tables as standings
-    from mobman.benchmark.report.leaderboard import leaderboard_of
-    from mobman.benchmark.report.scores import field_of
-    from mobman.benchmark.report.style import styles_of
+    from mobman.benchmark.report.evaluation import evaluate
     from mobman.benchmark.report.tables import summary_table
 
-    groups = groups_of(runs, failures)
-    styles = styles_of(labels_of(runs, failures), runs, suite.tuned)
-    field = field_of(groups)
-    board = leaderboard_of(field, groups)
+    found = evaluate(suite, runs, failures)
+    groups, styles, field, board = found.groups, found.styles, found.field, found.board
     tables: dict[str, Table] = {}
     charts: dict[str, Chart] = {}
     if field.cells:
@@ -172,12 +168,12 @@ def _content(
         tables["families"] = standings.families_table(board)
     if board.pairs:
         tables["comparisons"] = standings.pairs_table(board.pairs)
-    tuned = standings.tuned_table(field, board, suite.tuned) if len(board.compared) > 1 else None
+    tuned = standings.tuned_table(field, board, suite.tuned) if found.compared else None
     if tuned is not None:
         tables["tuned"] = tuned
     for number, group in enumerate(groups, 1):
         tables[f"results-{number}"] = summary_table(group)
-    if len(board.compared) > 1 and field.cells:
+    if found.compared:
         prices = {name: drawn.prices_of(field, board, name) for name in drawn.EFFORTS}
         charts["leaderboard"] = drawn.leaderboard_chart(board, styles)
         charts["scenarios"] = drawn.scenarios_chart(field)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 Mark = Literal["", "best", "bad", "faint"]
@@ -56,3 +56,8 @@ def text(content: str, mark: Mark = "", **more: str) -> Entry:
 def heading(content: str) -> Row:
     """A heading inside a table."""
     return Row(text(content), (), title=True)
+
+
+def first_rows(table: Table, most: int) -> Table:
+    """A table of the first rows of another, so many at the most."""
+    return replace(table, rows=table.rows[:most])

@@ -30,8 +30,6 @@ from mobman.simulation.metrics.metric import STEADY
 SUCCESS = 1e-4
 """The accuracy (m) that the paper asks for, and the metric ``success``."""
 
-_PLAIN = Look("kx", "#8a8a8a", "#8a8a8a")
-
 
 def task_error_chart(curves: CellCurves, styles: Mapping[str, Look]) -> Chart:
     """Fig. 2: |e^e| against time, all controllers."""
