@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from mobman.benchmark.expansion import Expansion
+from mobman.benchmark.expansion.expansion import number_of_runs, runs_of
 from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.tuning.declaration import Tuning
 from mobman.benchmark.tuning.tuned_from import TunedFrom
@@ -155,7 +155,7 @@ class Suite(Strict):
         Raises:
             SpecError: With everything that is wrong: unknown names, labels and gains.
         """
-        return Expansion(self).runs()
+        return runs_of(self)
 
     def size(self) -> int:
         """How many runs there are, by the names alone.
@@ -163,7 +163,7 @@ class Suite(Strict):
         Raises:
             SpecError: With all names that are unknown.
         """
-        return Expansion(self).size()
+        return number_of_runs(self)
 
 
 def list_suites() -> list[str]:

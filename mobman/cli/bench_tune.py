@@ -20,8 +20,9 @@ from mobman.cli.interruption import interrupted_once
 from mobman.cli.output import console, print_json
 
 if TYPE_CHECKING:
+    from mobman.benchmark.tuning.batches import Step
     from mobman.benchmark.tuning.result import TuningResult
-    from mobman.benchmark.tuning.tune import Plan, Step
+    from mobman.benchmark.tuning.tune import Plan
 
 
 @click.command("tune")

@@ -10,7 +10,9 @@ import numpy as np
 from mobman.controllers.protocol import Controller, make_controller
 from mobman.errors import UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.task_map import TaskMap
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
+from mobman.tasks.task import Task, task_map_of
 
 _MOST_TICKS = 10_000_000  # a record of so many fits in memory
 
@@ -123,6 +125,20 @@ def resolved_plant(
             f"plant = {plant!r}: must be a robot, a scenario, a scenario's name or its file"
         )
     return changes.true_robot(base, random)
+
+
+def fitting_task_map(task: Task, robot: MobileManipulator) -> TaskMap:
+    """The task map of a task that the robot has enough degrees of freedom for.
+
+    Raises:
+        UsageError: If it has not, or the task gives no such vectors.
+    """
+    task_map = task_map_of(task)
+    if robot.nz < task_map.m:
+        raise UsageError(
+            f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {task_map.m}"
+        )
+    return task_map
 
 
 def plant_name(plant: MobileManipulator | Scenario | str | os.PathLike[str] | None) -> str | None:

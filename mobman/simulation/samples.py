@@ -15,7 +15,29 @@ Flags = NDArray[np.bool_]
 
 
 class Samples:
-    """What the loop leaves, one row a tick."""
+    """What the loop leaves, one row a tick.
+
+    Args:
+        rows: Number of ticks.
+        robot: The plant's robot.
+        m: Dimension of the task space.
+
+    Attributes:
+        q: Configuration (m, rad), shape (rows, nq).
+        z: Reduced velocity, shape (rows, nz).
+        torque: Commanded v, shape (rows, nz).
+        tip: Task coordinates of the tip, f_e (m), shape (rows, m).
+        desired: p_d (m), shape (rows, m).
+        auxiliary: e^a, shape (rows, nz - m); NaN where it is not known.
+        compute_time: What the controller took (s), shape (rows,).
+        applied: Torque that acts, shape (rows, nz); None where it is the commanded one.
+        limited: Whether a limit changed the commanded torque, shape (rows,); None with ``applied``.
+        signals: What the controller reports of itself, by name; ``rows`` rows each.
+        count: How many rows are filled.
+        work: Integral of z^T (B v - D) over the run (J).
+        status: As in :class:`mobman.simulation.record.Record`.
+        message: The same.
+    """
 
     def __init__(self, rows: int, robot: MobileManipulator, m: int) -> None:
         self.q = np.empty((rows, robot.nq))
@@ -37,6 +59,10 @@ class Samples:
         """Make room for torques that act, where these are not those that are commanded."""
         self.applied = np.zeros_like(self.torque)
         self.limited = np.zeros(len(self.torque), dtype=bool)
+
+    def diverged(self, t: float, reason: str) -> None:
+        """Say that the run ends at t (s) since it diverged."""
+        self.status, self.message = "diverged", f"at t = {t:.6g} s: {reason}"
 
 
 @kernel

@@ -8,11 +8,10 @@ import threading
 from mobman.benchmark.running.job import Job, Result, this_process
 from mobman.benchmark.running.loaded_robots import forget_robots, robot_of
 from mobman.benchmark.running.one_thread import pin_to_one_thread
+from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.running.time_limit import TimeLimitError, time_limit
 from mobman.controllers.protocol import controllers, make_controller
-from mobman.simulation.closed_loop import simulate
-from mobman.simulation.scenario import Scenario
-from mobman.tasks.task import make_task, tasks
+from mobman.tasks.task import tasks
 from mobman.version import __version__
 
 _turns: dict[int, threading.Lock] = {}
@@ -61,16 +60,7 @@ def _perform(job: Job) -> Result:
     controllers.register(run.law, law)
     tasks.register(run.task_name, task)
     robot = robot_of(job)
-    given = run.task_given
-    record = simulate(
-        robot,
-        make_controller(run.law, **run.gains),
-        make_task(run.task_name, robot, **given) if given else run.task_name,
-        duration=run.duration,
-        dt=run.dt,
-        scenario=Scenario.model_validate(run.scenario),
-        seed=run.seed,
-    )
+    record = simulated_run(run, robot, make_controller(run.law, **run.gains))
     return Result(
         record.status,
         record.message,

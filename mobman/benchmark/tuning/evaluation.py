@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.running.time_limit import TimeLimitError, time_limit
 from mobman.benchmark.running.worker_process import WorkerLostError
 from mobman.benchmark.tuning.objective import Objective
@@ -20,10 +21,8 @@ from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import find_spec
 from mobman.robots.spec import RobotSpec
-from mobman.simulation.closed_loop import simulate
 from mobman.simulation.record import Record
-from mobman.simulation.scenario import Scenario
-from mobman.tasks.task import TaskFactory, make_task, tasks
+from mobman.tasks.task import TaskFactory, tasks
 
 _here = threading.local()  # robots, which a thread forgets without asking the others
 
@@ -75,15 +74,7 @@ def simulated(evaluation: Evaluation) -> Record:
     tasks.register(run.task_name, evaluation.factory)
     controller = make_controller(run.law, **run.gains)
     robot = _loaded(run.robot_sha256, evaluation.robot)
-    return simulate(
-        robot,
-        controller,
-        make_task(run.task_name, robot, **run.task_given),
-        duration=run.duration,
-        dt=run.dt,
-        scenario=Scenario.model_validate(run.scenario),
-        seed=run.seed,
-    )
+    return simulated_run(run, robot, controller)
 
 
 def score(evaluation: Evaluation, objective: Objective, limit: float) -> RunScore:

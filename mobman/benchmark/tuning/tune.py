@@ -1,4 +1,4 @@
-"""Tuning a suite's controllers: batch after batch, the same budget for each."""
+"""Tuning a suite's controllers, with the same budget for each."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.tuning.batches import Batches, Step
 from mobman.benchmark.tuning.candidates import candidates
 from mobman.benchmark.tuning.declaration import Tuning
 from mobman.benchmark.tuning.disjoint import require_disjoint
-from mobman.benchmark.tuning.evaluation import RunScore, evaluate
 from mobman.benchmark.tuning.journal import Journal
-from mobman.benchmark.tuning.objective import objectives
+from mobman.benchmark.tuning.objective import Objective, objectives
 from mobman.benchmark.tuning.processes import local_processes
-from mobman.benchmark.tuning.proposals import BATCH, require_extra, sampler_settings
+from mobman.benchmark.tuning.proposals import require_extra, sampler_settings
 from mobman.benchmark.tuning.result import TuningResult, write_result
 from mobman.benchmark.tuning.search import Search
-from mobman.benchmark.tuning.trial import Trial
+from mobman.benchmark.tuning.search_range import Space
 from mobman.benchmark.tuning.tuning_set import tuning_runs
-from mobman.errors import MobmanError
 
 if TYPE_CHECKING:
     from mobman.benchmark.suite import Suite
@@ -49,16 +48,6 @@ class Plan:
     def total(self) -> int:
         """Runs of all trials of all controllers."""
         return len(self.gains) * self.trials * self.runs
-
-
-@dataclass(frozen=True)
-class Step:
-    """A run of a trial that was done, and the trial if that was its last."""
-
-    label: str
-    number: int
-    run: RunScore
-    trial: Trial | None
 
 
 def tune_suite(
@@ -103,32 +92,19 @@ def tune_suite(
     suite = suite.model_copy(update={"tuning": tuning})
     objective = objectives.get(tuning.objective)
     chosen = candidates(suite, controllers)
-    reported = suite.runs()
-    runs = tuning_runs(suite, list(chosen.spaces), reported)
-    require_disjoint(next(iter(runs.values())), reported)
-    searches = {
-        label: Search(label, space, runs[label], objective)
-        for label, space in chosen.spaces.items()
-    }
+    searches = _searches(suite, chosen.spaces, objective)
     problems = {label: search.problem for label, search in searches.items()}
     journal = Journal(Path(folder), problems, fresh=fresh)
-    done: dict[str, list[Trial]] = {label: [] for label in searches}
     if on_start is not None:
         on_start(_plan(searches, tuning, journal))
     processes: AbstractContextManager[Executor] = (
         local_processes(workers) if executor is None else nullcontext(executor)
     )
     with processes as pool:
-        for first in range(0, tuning.trials, BATCH):
-            count = min(BATCH, tuning.trials - first)
-            for label, batch in _batch(
-                searches, done, journal, first, count, pool, suite.time_limit, on_step
-            ).items():
-                done[label] += batch
-    first_run = next(iter(runs.values()))
+        done = Batches(searches, journal, pool, suite.time_limit, on_step).trials(tuning.trials)
     return write_result(
         suite,
-        _resolved(tuning, first_run),
+        _resolved(tuning, next(iter(searches.values())).runs),
         Path(folder),
         searches,
         done,
@@ -139,64 +115,12 @@ def tune_suite(
     )
 
 
-def _batch(
-    searches: Mapping[str, Search],
-    done: Mapping[str, Sequence[Trial]],
-    journal: Journal,
-    first: int,
-    count: int,
-    executor: Executor,
-    limit: float,
-    on_step: Callable[[Step], None] | None,
-) -> dict[str, list[Trial]]:
-    """The trials of a batch of every controller; those that are not there yet are done at once."""
-    found: dict[tuple[str, int], Trial] = {}
-    asked: dict[tuple[str, int], dict[str, float]] = {}
-    for label, search in searches.items():
-        if all(journal.get(label, number) for number in range(first, first + count)):
-            proposals: list[dict[str, float]] = [{}] * count  # known, so that nobody need ask
-        else:
-            proposals = search.gains_of_batch(done[label], first, count)
-        for number, gains in enumerate(proposals, first):
-            if (known := journal.get(label, number)) is not None:
-                found[label, number] = known
-            else:
-                asked[label, number] = gains
-    # trial by trial, and of each controller in turn: an interruption costs few that are half done
-    order = sorted(asked, key=lambda key: key[1])
-    owners = [key for key in order for _ in searches[key[0]].runs]
-    evaluations = [one for key in order for one in searches[key[0]].evaluations(asked[key])]
-    starts = {key: owners.index(key) for key in order}
-    scores: dict[tuple[str, int], dict[int, RunScore]] = {key: {} for key in order}
-    for position, run in (
-        evaluate(evaluations, searches[order[0][0]].objective, executor, limit) if order else ()
-    ):
-        key = label, number = owners[position]
-        scores[key][position - starts[key]] = run
-        trial = None
-        if len(scores[key]) == len(searches[label].runs):
-            trial = Trial(
-                label, number, asked[key], tuple(run for _, run in sorted(scores[key].items()))
-            )
-            _require_some_run(trial)
-            journal.add(trial)
-            found[key] = trial
-        if on_step is not None:
-            on_step(Step(label, number, run, trial))
-    return {
-        label: [found[label, number] for number in range(first, first + count)]
-        for label in searches
-    }
-
-
-def _require_some_run(trial: Trial) -> None:
-    """Raises MobmanError if the suite's own gains cannot be run: that is no matter of gains."""
-    broken = [run for run in trial.runs if run.status in ("failed", "infeasible")]
-    if trial.number == 0 and len(broken) == len(trial.runs):
-        raise MobmanError(
-            f"cannot tune {trial.label!r}: it fails with the suite's own gains, in all runs of the "
-            f"tuning set: {broken[0].message}"
-        )
+def _searches(suite: Suite, spaces: Mapping[str, Space], objective: Objective) -> dict[str, Search]:
+    """What is searched for each controller, on runs of which none is reported."""
+    reported = suite.runs()
+    runs = tuning_runs(suite, list(spaces), reported)
+    require_disjoint(next(iter(runs.values())), reported)
+    return {label: Search(label, space, runs[label], objective) for label, space in spaces.items()}
 
 
 def _plan(searches: Mapping[str, Search], tuning: Tuning, journal: Journal) -> Plan:

@@ -1,0 +1,262 @@
+"""The loop itself: measure, control, hold the torque, integrate the plant; tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.controllers.protocol import Controller
+from mobman.errors import SingularityError, UsageError
+from mobman.kernels.program import Call, call, program
+from mobman.model.criterion import Criterion
+from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.extended_kernels import GAUGE_LOST, SINGULAR
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.task_map import TaskMap
+from mobman.simulation.actuation.chain import ActuationChain
+from mobman.simulation.constraint_residual import largest_residual
+from mobman.simulation.divergence import divergence_reason, divergence_step
+from mobman.simulation.measurement import Measurement
+from mobman.simulation.plant import Plant, require_success
+from mobman.simulation.samples import Samples, keep, keep_finite, keep_from
+from mobman.simulation.signals import Signals
+from mobman.simulation.tick_integrator import TickIntegrator
+from mobman.tasks.criteria.posture import Posture
+from mobman.tasks.task import Task, task_steps
+
+Observer = Callable[[float, Array, Array, Array], None]
+"""Is given t (s), q, z and the torque at a tick; the arrays are its own."""
+
+
+class Loop:
+    """One run of a closed loop; it runs once.
+
+    Args:
+        robot: The robot that the controller supposes.
+        controller: What computes the torque.
+        task: The desired trajectory.
+        task_map: What the task is about.
+        plant: The true robot and what acts on it.
+        measurement: What the controller is given of the plant's state.
+        actuation: From the commanded torque to the one that acts; None if it is the same.
+        q0: Start (m, rad), shape (nq,).
+        ticks: How many periods there are.
+        dt: Sampling period (s).
+        progress: Called with the fraction done, about a hundred times.
+        observe: Called with the state and the torque at every ``stride``-th tick.
+        stride: Ticks from one call to the next.
+
+    Attributes:
+        robot: As given; so are ``controller``, ``task``, ``task_map``, ``plant``, ``ticks``, ``dt``.
+        samples: What is kept, one row a tick; whole once :meth:`run` is over.
+
+    Raises:
+        SpecError: If the plant's friction is too steep to be integrated.
+    """
+
+    def __init__(
+        self,
+        *,
+        robot: MobileManipulator,
+        controller: Controller,
+        task: Task,
+        task_map: TaskMap,
+        plant: Plant,
+        measurement: Measurement,
+        actuation: ActuationChain | None,
+        q0: Array,
+        ticks: int,
+        dt: float,
+        progress: Callable[[float], None] | None,
+        observe: Observer | None,
+        stride: int,
+    ) -> None:
+        self.robot, self.controller, self.task = robot, controller, task
+        self.task_map, self.plant = task_map, plant
+        self.ticks, self.dt = ticks, dt
+        self.samples = Samples(ticks + 1, plant.robot, task_map.m)
+        self._measurement, self._actuation = measurement, actuation
+        self._progress, self._observe, self._stride = progress, observe, stride
+        self._integrator = TickIntegrator(plant, actuation, q0, dt, self.samples)
+        self._command = plant.v if actuation is None else np.zeros(robot.nz)
+        if actuation is not None:
+            self.samples.keep_applied()
+        self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
+        self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
+        self._look = program(self._looking())
+        self._evaluation = [
+            *self._looking(),
+            *plant.dynamics_steps(),
+            *plant.friction_steps(),
+            plant.acceleration_step(self._z_dot, np.zeros(1)),
+        ]
+        self._signals = Signals(controller, self.samples)
+
+    @property
+    def criterion(self) -> Criterion:
+        """What e^a is measured by: the controller's own criterion, or the robot's posture."""
+        own: Criterion | None = getattr(self.controller, "criterion", None)
+        return Posture.of(self.robot) if own is None else own
+
+    @property
+    def constraint_residual(self) -> float:
+        """The largest |A(x) x'| at a tick up to now (m/s)."""
+        return float(self._residual[0])
+
+    def run(self) -> None:
+        """From rest at q0 to the end, or to where it cannot go on: ``samples`` say which.
+
+        Raises:
+            UsageError: If the controller's torque or signals are not what they must be.
+        """
+        samples = self.samples
+        try:
+            # what overflows is found by its result
+            with np.errstate(all="ignore"):
+                self._begin()
+                self._go()
+        except (SingularityError, np.linalg.LinAlgError) as error:
+            samples.status = "singular"
+            samples.message = f"at t = {self._tick[0] * self.dt:.6g} s: {error}"
+        samples.work = self._integrator.work
+        if self._progress is not None:
+            self._progress(1.0)
+
+    def _begin(self) -> None:
+        """Keep the start, whatever happens next, so that no record is empty; start the controller."""
+        samples, plant = self.samples, self.plant
+        plant.now.run_all()
+        self._look()
+        samples.torque[0], samples.compute_time[0] = plant.v, 0.0
+        samples.count = 1
+        self.controller.reset(self.robot, self.task, self.dt)
+        self._auxiliary = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
+        auxiliary_steps = [
+            *self._auxiliary.auxiliary_steps(),
+            call(keep_from, self._tick, self._auxiliary.f, self.task_map.m, samples.auxiliary),
+        ]
+        self._keep_auxiliary = program(auxiliary_steps)
+        self._evaluate = program([*self._evaluation, *auxiliary_steps])
+        self._keep = program(
+            [
+                call(keep_finite, self._tick, self._command, samples.torque),
+                *self._signals.steps(self._tick),
+            ]
+        )
+        self._resolve_auxiliary()
+
+    def _go(self) -> None:
+        """Tick by tick: look, control, integrate."""
+        # local names, since these run at every tick
+        samples, plant, now = self.samples, self.plant, self.plant.now
+        ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
+        run_all, measure, step = now.run_all, self._measurement.take, self.controller.step
+        q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
+        keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype
+        keep_signals = self._signals.keep if self._signals.asked else None
+        every, compute_time = max(1, ticks // 100), samples.compute_time
+        observe, stride = self._observe, self._stride
+        for tick in range(ticks + 1):
+            t = tick * dt
+            t_now[0] = t
+            tick_now[0] = tick
+            run_all()
+            if plant.disturbed:
+                plant.disturb(t)
+            if (status := self._evaluate()) and self._ends(t, status):
+                return
+            q_now, z_now, measured = measure(q, z, z_dot)
+            started = perf_counter()
+            torque = step(t, q_now, z_now, measured)
+            compute_time[tick] = perf_counter() - started
+            if type(torque) is not np.ndarray or torque.shape != shape or torque.dtype != double:
+                torque = _checked_torque(torque, v)
+            v[:] = torque
+            if keep_row():
+                samples.diverged(t, "the controller's torque is not finite")
+                return
+            if self._actuation is not None:
+                self._actuate(self._actuation, tick)
+            if keep_signals is not None:
+                keep_signals(tick)
+            if observe is not None and tick % stride == 0:
+                observe(t, q.copy(), z.copy(), v.copy())
+            if tick < ticks:
+                advance(t)
+                if samples.status != "ok":
+                    return
+            samples.count = tick + 1
+            if self._progress is not None and tick % every == 0:
+                self._progress(tick / ticks)
+
+    def _looking(self) -> list[Call]:
+        """The steps that keep a row of the state, or report why it counts as diverged."""
+        now, samples, p_d = self.plant.now, self.samples, np.zeros((4, self.task_map.m))
+        q_dot, moving = now.q_dot, []
+        if self.plant.slips:
+            q_dot = np.zeros_like(now.q_dot)
+            moving = self.plant.motion_steps(q_dot)
+        return [
+            *now.tip_steps(),
+            *now.constraint_steps(),
+            *task_steps(self.task, self._t, p_d),
+            call(
+                keep,
+                *(self._tick, now.q, now.z, now.tip, p_d),
+                *(samples.q, samples.z, samples.tip, samples.desired),
+            ),
+            divergence_step(now.q, now.z, now.tip, p_d),
+            *moving,
+            call(largest_residual, now.A, q_dot, self._residual),
+        ]
+
+    def _ends(self, t: float, status: int) -> bool:
+        """Whether the run ends with that status of the evaluation.
+
+        Raises:
+            SingularityError: If the plant's inertia is not positive definite.
+        """
+        samples, tick = self.samples, self._tick[0]
+        if status in (GAUGE_LOST, SINGULAR):
+            self._resolve_auxiliary()
+            return False
+        error = samples.tip[tick] - samples.desired[tick]
+        if (reason := divergence_reason(status, self.plant.now.z, error)) is None:
+            require_success(status)
+        samples.diverged(t, str(reason))
+        return True
+
+    def _resolve_auxiliary(self) -> None:
+        """Keep a row of e^a whatever it takes; none any more from a kinematic singularity on."""
+        try:
+            while status := self._keep_auxiliary():
+                self._auxiliary.resolve(status)
+        except SingularityError:
+            self._evaluate = program(self._evaluation)
+
+    def _actuate(self, actuation: ActuationChain, tick: int) -> None:
+        """From the command to what acts on the plant."""
+        actuation.take(self._command)
+        samples = self.samples
+        if samples.applied is not None and samples.limited is not None:
+            samples.applied[tick] = actuation.mean()
+            samples.limited[tick] = actuation.limited
+        # at the last tick and where torques arrive at ticks, there is nothing before it arrives
+        self.plant.v[:] = actuation.early
+
+
+def _checked_torque(torque: Any, like: Array) -> Array:
+    """A controller's torque as an array of that shape."""
+    try:
+        array = np.asarray(torque, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"the controller's torque is {torque!r}: it must be numbers") from error
+    if array.shape != like.shape:
+        raise UsageError(
+            f"the controller's torque has shape {array.shape}; the robot has {len(like)} motors"
+        )
+    return array
