@@ -1,7 +1,7 @@
 """``python -m benchmarks.measure.running``: what the runner itself costs.
 
-- The runner's own cost a run: a suite of short runs in one worker, less the same runs simulated and
-  written one after the other in one process.
+- The runner's own cost, each run and once: suites of short runs in one worker, less the same runs
+  simulated and written one after the other in one process.
 - Two workers against one, in turn, on a suite of a few seconds a run; and two plain processes against
   one, which is what the machine can give at the moment.
 - Memory of the parent and of its workers over many short runs.
@@ -70,15 +70,24 @@ def _timed(writer, function, *arguments) -> None:
 
 
 def own_cost(runs: int, repetitions: int) -> None:
-    """Print the runner's own cost a run."""
-    suite = short_suite(runs)
-    costs = []
+    """Print the runner's own cost a run, and what it costs once.
+
+    It is measured for two numbers of runs: the difference tells the cost of each, the rest is that of
+    the worker's start and of the like.
+    """
+    each, once = [], []
     for _ in range(repetitions):
-        with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
-            costs.append((timed(_fresh, suite, two) - timed(plain, suite, one)) / runs)
+        costs = []
+        for count in (runs, 4 * runs):
+            suite = short_suite(count)
+            with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
+                costs.append(timed(_fresh, suite, two) - timed(plain, suite, one))
+        each.append((costs[1] - costs[0]) / (3 * runs))
+        once.append(costs[0] - runs * each[-1])
     print(
-        f"own cost a run, {runs} runs: {1e3 * statistics.median(costs):.1f} ms, with the start of "
-        "the worker and the index"
+        f"own cost of each run, of {runs} and {4 * runs}: {1e3 * statistics.median(each):.1f} ms "
+        f"(from {1e3 * min(each):.1f} to {1e3 * max(each):.1f}); once a suite: "
+        f"{statistics.median(once):.2f} s"
     )
 
 

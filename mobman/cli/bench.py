@@ -72,6 +72,10 @@ def run_command(
     What is in the folder already is not run again: after Ctrl-C the same command goes on. Exit
     status 1 if a run gave no result; a run that diverged is a result.
     """
+    from mobman.benchmark.running.worker_processes import start_ahead
+
+    if dask is None:
+        start_ahead()
     from mobman.benchmark.runner import run_suite
     from mobman.benchmark.suite import load_suite
 

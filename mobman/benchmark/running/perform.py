@@ -8,8 +8,9 @@ import threading
 from mobman.benchmark.running.job import Job, Result, this_process
 from mobman.benchmark.running.loaded_robots import forget_robots, robot_of
 from mobman.benchmark.running.one_thread import pin_to_one_thread
+from mobman.benchmark.running.preload import preload
 from mobman.benchmark.running.simulated_run import simulated_run
-from mobman.benchmark.running.time_limit import TimeLimitError, time_limit
+from mobman.benchmark.running.time_limit import TimeLimitError, within
 from mobman.controllers.protocol import controllers, make_controller
 from mobman.tasks.task import tasks
 from mobman.version import __version__
@@ -38,8 +39,8 @@ def _guarded(job: Job) -> Result:
     try:
         if elsewhere:
             pin_to_one_thread()
-        with time_limit(job.time_limit, fatal=elsewhere):
-            return _perform(job)
+        preload()
+        return within(job.time_limit, _perform, job, fatal=elsewhere)
     except TimeLimitError:
         result = Result.failure(
             f"took longer than its time limit of {job.time_limit:g} s", again=True

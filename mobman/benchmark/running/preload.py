@@ -1,12 +1,28 @@
-"""Imported once by the process that workers are forked from, so that each starts in no time."""
+"""All that runs need, loaded before the first: by the process that workers are forked from, so that each
+starts in no time, and by any other that does runs.
+
+No time limit may strike meanwhile: an import that is broken off can leave a library that will not be
+imported again.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import io
+from functools import cache
 
-import mobman.benchmark.running.perform  # noqa: F401  all that a run needs
-from mobman.kernels.ahead import compile_ahead, compiled_ahead
+import h5py
 
-with contextlib.suppress(Exception):  # a worker that needs what failed will say so
-    if compiled_ahead():
+import mobman.simulation.closed_loop  # noqa: F401
+from mobman.kernels.ahead import compile_ahead
+from mobman.simulation.metrics.metric import list_metrics
+
+
+@cache
+def preload() -> None:
+    """Load the machine code of every kernel, once a process; compile what is not compiled yet."""
+    with contextlib.suppress(Exception):  # a run that needs what failed will say so
         compile_ahead()
+        list_metrics()
+        with h5py.File(io.BytesIO(), "w") as file:  # h5py imports a part of itself when it is asked
+            assert file.create_dataset("t", data=(0.0,)).dims is not None

@@ -1,20 +1,24 @@
 """A limit to the wall time of a piece of work, in any thread of any process.
 
-At the limit an exception is raised in the work's thread; Python code meets it wherever it is. Compiled
-code does not, and may hold the interpreter for ever: some time later the process is ended by SIGALRM,
-whose exit status tells why. That is for processes that are there for such work only.
+At the limit an exception is raised in the work's thread; Python code meets it wherever it is, and
+again later, should it have been lost: what is raised where C calls Python may be printed and forgotten.
+Compiled code does not meet it, and may hold the interpreter for ever: some time later the process is
+ended by SIGALRM, whose exit status tells why. That is for processes that are there for such work only.
 """
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 ENDED_BY = signal.SIGALRM
 """What ends a process that does not heed a limit."""
@@ -29,88 +33,110 @@ def grace(seconds: float) -> float:
     return max(1.0, 0.1 * seconds)
 
 
-@contextlib.contextmanager
-def time_limit(seconds: float, *, fatal: bool) -> Iterator[None]:
-    """Limit the wall time of a block.
+def within(seconds: float, function: Callable[..., T], /, *args: Any, fatal: bool) -> T:
+    """Call a function, and limit the wall time that it takes.
 
     Args:
         seconds: The limit (s).
-        fatal: Whether the process ends if the block does not heed the exception.
+        function: The work; what follows are its arguments.
+        fatal: Whether the process ends if the work does not heed the exception; for one piece of work
+            at a time in a process.
 
     Raises:
-        TimeLimitError: At the limit, in the thread that runs the block.
+        TimeLimitError: At the limit, in the thread that does the work.
     """
-    now = time.monotonic()
     # whoever has a use of their own for the signal keeps it
     fatal = fatal and signal.getsignal(ENDED_BY) == signal.SIG_DFL
-    end = now + seconds + grace(seconds) if fatal else None
-    limit = _Limit(threading.get_ident(), now + seconds, end)
     watch = _watch_of_this_process()
-    watch.add(limit)
+    limit = _Limit(threading.get_ident(), time.monotonic() + seconds, 0.25 * grace(seconds))
     try:
-        yield
+        if fatal:
+            signal.setitimer(signal.ITIMER_REAL, seconds + grace(seconds))
+        watch.add(limit)
+        return function(*args)
     finally:
-        try:
-            watch.remove(limit)
-        except TimeLimitError:  # it came just now, and comes once
-            watch.remove(limit)
-        if limit.struck:
-            _catch(limit.thread)
+        # No call comes between the work and this loop, and each of its steps may be done twice: the
+        # exception can arrive at any of them.
+        while True:
+            try:
+                limit.strikes.acquire()  # for good: from here on it is not raised any more
+                watch.remove(limit)
+                if fatal:
+                    signal.setitimer(signal.ITIMER_REAL, 0.0)
+                if limit.struck:
+                    _catch(limit.thread)
+                break
+            except TimeLimitError:
+                continue
+
+
+def was_struck() -> bool:
+    """Whether a limit has struck in this process.
+
+    What it broke off may have been an import, or held a lock: such a process is better not used again.
+    """
+    return bool(_watches) and _watches[-1].process == os.getpid() and _watches[-1].struck
 
 
 @dataclass(eq=False)
 class _Limit:
     thread: int
-    deadline: float
-    end: float | None
-    """When the process ends."""
+    due: float
+    """When it strikes next."""
+    every: float
+    """After how long it strikes again (s)."""
     struck: bool = False
-
-    def strike(self) -> None:
-        self.struck = True
-        _raise_in(self.thread)
+    strikes: Any = field(default_factory=threading.RLock)
+    """Held by who strikes, and by the thread once it is over."""
 
 
 class _Watch:
-    """A thread that strikes at deadlines; one for a process, since starting one takes a while."""
+    """A thread that strikes when it is time; one for a process, since starting one takes a while.
+
+    Who is struck may be anywhere, so nothing here makes it hold a lock that others wait for.
+    """
 
     def __init__(self) -> None:
         self.process = os.getpid()
+        self.struck = False
         self._limits: set[_Limit] = set()
-        self._changed = threading.Condition()
+        self._sooner: SimpleQueue[None] = SimpleQueue()
         self._wakes = float("inf")
         threading.Thread(target=self._run, name="time limits", daemon=True).start()
 
     def add(self, limit: _Limit) -> None:
-        with self._changed:
-            self._limits.add(limit)
-            self._arm()
-            if limit.deadline < self._wakes:
-                self._changed.notify()
+        self._limits.add(limit)
+        if limit.due < self._wakes:
+            self._sooner.put(None)
 
     def remove(self, limit: _Limit) -> None:
-        with self._changed:
-            self._limits.discard(limit)
-            self._arm()
-
-    def _arm(self) -> None:
-        """Set the process's one timer to the first end."""
-        ends = [limit.end for limit in self._limits if limit.end is not None]
-        left = max(min(ends) - time.monotonic(), 1e-3) if ends else 0.0
-        signal.setitimer(signal.ITIMER_REAL, left)
+        self._limits.discard(limit)
 
     def _run(self) -> None:
-        with self._changed:
-            while True:
-                now = time.monotonic()
-                due = [each for each in self._limits if not each.struck]
-                for limit in due:
-                    if limit.deadline <= now:
-                        limit.strike()
-                # one that is over by then wakes it in vain, and costs less than waking it at once
-                self._wakes = min((e.deadline for e in due if not e.struck), default=float("inf"))
-                forever = self._wakes == float("inf")
-                self._changed.wait(None if forever else max(0.0, self._wakes - now))
+        while True:
+            # before it looks at the limits: one that is added now is seen now, or wakes it again
+            self._wakes = float("inf")
+            now = time.monotonic()
+            for limit in list(self._limits):
+                if limit.due <= now:
+                    self._strike(limit)
+            # one that is over by then wakes it in vain, and costs less than waking it at once
+            self._wakes = min((limit.due for limit in list(self._limits)), default=float("inf"))
+            left = self._wakes - time.monotonic()
+            try:
+                self._sooner.get(timeout=None if left == float("inf") else max(0.0, left))
+            except Empty:
+                continue
+
+    def _strike(self, limit: _Limit) -> None:
+        if not limit.strikes.acquire(blocking=False):
+            return  # it is over
+        try:
+            limit.struck = self.struck = True
+            limit.due = time.monotonic() + limit.every
+            _raise_in(limit.thread)
+        finally:
+            limit.strikes.release()
 
 
 _watches: list[_Watch] = []

@@ -14,6 +14,8 @@ from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from mobman.benchmark.running.time_limit import was_struck
+
 # multiprocessing reads the exit status of a forked server's child once: whoever comes second gets
 # none. Starting a process looks after the ended ones, so that counts as well.
 _processes = threading.Lock()
@@ -66,11 +68,12 @@ class WorkerProcess:
             self._process.start()
         theirs.close()
         self._ready = False
+        self._spent = False
 
     @property
-    def alive(self) -> bool:
-        """Whether it can be asked."""
-        return not wait([self._process.sentinel], timeout=0)
+    def usable(self) -> bool:
+        """Whether it can be asked: it has not died while it had nothing to do, and is not spent."""
+        return not self._spent and not wait([self._process.sentinel], timeout=0)
 
     def ask(self, function: Callable[..., Any], args: tuple[Any, ...]) -> Any:
         """Have a function called there.
@@ -86,7 +89,7 @@ class WorkerProcess:
                 self._receive()
                 self._ready = True
             self._pipe.send((function, args))
-            fine, answer = self._receive()
+            fine, answer, self._spent = self._receive()
         except (EOFError, OSError) as error:
             raise WorkerLostError(self._exit_code(), began=self._ready) from error
         if not fine:
@@ -128,7 +131,8 @@ def _serve(pipe: Connection[Any, Any]) -> None:
     pipe.send(None)  # ready
     with contextlib.suppress(EOFError, ConnectionError):
         while True:
-            pipe.send(_answer(pipe.recv_bytes()))
+            # what a time limit has broken off may have left anything behind
+            pipe.send((*_answer(pipe.recv_bytes()), was_struck()))
 
 
 def _answer(question: bytes) -> tuple[bool, Any]:

@@ -13,15 +13,26 @@ import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.context import BaseContext
 from queue import SimpleQueue
 from typing import Any
 
+from mobman.benchmark.running.one_thread import one_thread_for_children
 from mobman.benchmark.running.worker_process import WorkerLostError, WorkerProcess
 
-_PRELOAD = ("mobman.benchmark.running.quiet_server", "mobman.benchmark.running.preload")
+_PRELOAD = ("mobman.benchmark.running.quiet_server", "mobman.benchmark.running.preloaded")
 _TRIES = 3  # to start a process
+
+
+def start_ahead() -> None:
+    """Let the process that workers are forked from start and load what they need, and do not wait.
+
+    It takes a second or two, in which the caller may load what it needs itself.
+    """
+    if _context().get_start_method() == "forkserver":
+        with one_thread_for_children():
+            forkserver.ensure_running()
 
 
 class WorkerProcesses(Executor):
@@ -103,8 +114,8 @@ class WorkerProcesses(Executor):
         self._end(seat)
 
     def _ask(self, seat: _Seat, function: Callable[..., Any], args: tuple[Any, ...]) -> Any:
-        if seat.worker is not None and not seat.worker.alive:
-            self._end(seat)  # it died while it had nothing to do
+        if seat.worker is not None and not seat.worker.usable:
+            self._end(seat)
         for left in reversed(range(_TRIES)):
             if seat.worker is None:
                 seat.worker = self._start()

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from mobman.benchmark.run_spec import RunSpec
+from mobman.benchmark.running.preload import preload
 from mobman.benchmark.running.simulated_run import simulated_run
-from mobman.benchmark.running.time_limit import TimeLimitError, time_limit
+from mobman.benchmark.running.time_limit import TimeLimitError, within
 from mobman.benchmark.running.worker_process import WorkerLostError
 from mobman.benchmark.tuning.objective import Objective
 from mobman.controllers.protocol import controllers, make_controller
@@ -87,8 +88,9 @@ def score(evaluation: Evaluation, objective: Objective, limit: float) -> RunScor
     """
     started = time.perf_counter()
     try:
-        with time_limit(limit, fatal=multiprocessing.parent_process() is not None):
-            record = simulated(evaluation)
+        preload()
+        fatal = multiprocessing.parent_process() is not None
+        record = within(limit, simulated, evaluation, fatal=fatal)
     except GainError as error:
         status, message = "infeasible", str(error)
     except TimeLimitError:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import pickle
+import subprocess
+import sys
 import threading
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,7 +20,8 @@ from mobman.benchmark.fingerprint import fingerprint
 from mobman.benchmark.runner import _jobs
 from mobman.benchmark.running.loaded_robots import _KEPT, _robots, forget_robots, robot_of
 from mobman.benchmark.running.perform import perform
-from mobman.benchmark.running.time_limit import TimeLimitError, time_limit
+from mobman.benchmark.running.time_limit import TimeLimitError, within
+from mobman.benchmark.running.worker_processes import WorkerProcesses
 from mobman.robots.catalogue import find_spec
 from mobman.simulation.record import load_record
 
@@ -81,15 +87,26 @@ def test_another_version_is_refused(jobs):
     assert "the suite was started with 0.0" in result.message
 
 
+def spin(seconds):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        time.sleep(1e-3)
+
+
+def swallow(times):
+    """What does not heed so many exceptions, and then goes on for ever."""
+    for _ in range(times):
+        with contextlib.suppress(TimeLimitError):
+            spin(60.0)
+    spin(60.0)
+
+
 def test_a_limit_meets_its_own_thread_only():
     met = []
 
     def work(seconds, limit):
         try:
-            with time_limit(limit, fatal=False):
-                end = time.monotonic() + seconds
-                while time.monotonic() < end:
-                    time.sleep(1e-3)
+            within(limit, spin, seconds, fatal=False)
             met.append((limit, False))
         except TimeLimitError:
             met.append((limit, True))
@@ -104,17 +121,114 @@ def test_a_limit_meets_its_own_thread_only():
     assert sorted(met) == [(0.1, True), (0.2, True), (30.0, False)]
 
 
+def test_a_limit_that_was_lost_strikes_again():
+    with pytest.raises(TimeLimitError):
+        within(0.05, swallow, 2, fatal=False)
+
+
 def test_a_limit_that_is_swallowed_does_not_hit_later_work():
-    swallowed = []
-    with time_limit(0.05, fatal=False):
+    def swallow_once():
         try:
-            while True:
-                time.sleep(1e-3)
-        except BaseException as error:
-            swallowed.append(type(error))
+            spin(60.0)
+        except TimeLimitError:
+            return "swallowed"
+
+    assert within(0.05, swallow_once, fatal=False) == "swallowed"
     later = 0
-    for _ in range(20):
+    for _ in range(400):  # beyond the time of the next strike
         time.sleep(1e-3)
         later += 1
-    assert swallowed == [TimeLimitError]
-    assert later == 20
+    assert later == 400
+
+
+def test_a_worker_in_which_a_limit_struck_is_replaced():
+    with WorkerProcesses(1) as processes:
+        first = processes.submit(os.getpid).result()
+        assert processes.submit(os.getpid).result() == first
+        with pytest.raises(TimeLimitError):
+            processes.submit(partial(within, 0.05, spin, 60.0, fatal=True)).result()
+        assert processes.submit(os.getpid).result() != first
+
+
+STRUCK = """
+import random
+import sys
+import threading
+
+import mobman as mm
+from mobman.benchmark.running.preload import preload
+from mobman.benchmark.running.time_limit import TimeLimitError, within
+
+def run():
+    return mm.simulate("youbot", "pseudo-inverse", "circle", duration=0.005)
+
+preload()
+expected = run().metrics["task_error_max"]
+random.seed(1)
+struck = 0
+
+def work(limit):
+    global struck
+    try:
+        within(limit, run, fatal=False)
+    except TimeLimitError:
+        struck += 1
+
+for _ in range(60):
+    thread = threading.Thread(target=work, args=(random.uniform(0.0, 0.05),))
+    thread.start()
+    thread.join()
+assert run().metrics["task_error_max"] == expected
+print(struck)
+"""
+
+
+def test_wherever_limits_strike_the_process_goes_on():
+    done = subprocess.run(
+        [sys.executable, "-c", STRUCK], capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert int(done.stdout) > 5
+
+
+IMPORTED = """
+import pickle
+import sys
+
+from mobman.benchmark.runner import _jobs
+from mobman.benchmark.running.perform import perform
+from mobman.benchmark.running.preload import preload
+from mobman.benchmark.suite import Suite
+from mobman.controllers.protocol import controllers
+from mobman.simulation.scenario import list_scenarios
+from mobman.tasks.task import tasks
+
+suite = Suite.model_validate({
+    "schema": 1, "name": "all", "duration": 0.004,
+    "controllers": {law: {"law": law} for law in controllers.names()},
+    "groups": [
+        {"robots": ["youbot", "tiago"], "tasks": ["circle"]},
+        {"robots": ["youbot"], "tasks": ["circle"], "scenarios": list_scenarios(),
+         "controllers": ["tsm"]},
+        {"robots": ["youbot"], "tasks": tasks.names(), "controllers": ["tsm"]},
+    ],
+})
+for job in pickle.loads(pickle.dumps(_jobs(suite.runs(), 600.0, pickle.dumps))):
+    first = "runs" not in globals()
+    if first:
+        preload()
+        before, runs = set(sys.modules), 0
+    result = perform(job)
+    assert result.content is not None, result.message
+    runs += 1
+assert runs > 30
+print(*sorted(set(sys.modules) - before))
+"""
+
+
+def test_no_run_imports_anything():
+    """Where a limit strikes within an import, the library may be lost to the process."""
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED], capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", "\n")
