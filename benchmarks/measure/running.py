@@ -3,7 +3,7 @@
 - The runner's own cost, each run and once: suites of short runs in one worker, less the same runs
   simulated and written one after the other in one process.
 - Two workers against one, in turn, on a suite of a few seconds a run; and two plain processes against
-  one, which is what the machine can give at the moment.
+  one with the same runs, which is what the machine can give at the moment.
 - Memory of the parent and of its workers over many short runs.
 """
 
@@ -15,15 +15,21 @@ import multiprocessing
 import statistics
 import tempfile
 import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
 import psutil
+from threadpoolctl import threadpool_limits
 
+from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.runner import Ended, run_suite
+from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.suite import Suite, load_suite
 from mobman.controllers.protocol import make_controller
 from mobman.model.build import load_robot
-from mobman.simulation.closed_loop import simulate
+from mobman.model.mobile_manipulator import MobileManipulator
 
 
 def short_suite(runs: int) -> Suite:
@@ -41,14 +47,11 @@ def short_suite(runs: int) -> Suite:
 
 
 def plain(suite: Suite, folder: str) -> None:
-    """The same runs without a runner."""
-    robot = load_robot("youbot")
-    for run in suite.runs():
-        controller = make_controller(run.law, **run.gains)
-        record = simulate(
-            robot, controller, "circle", duration=run.duration, dt=run.dt, seed=run.seed
-        )
-        record.save(Path(folder) / f"{run.run_id}.h5", every=run.record_every)
+    """The same runs without a runner, of one robot."""
+    runs = suite.runs()
+    robot = load_robot(runs[0].robot)
+    for run in runs:
+        _plain_run(run, robot, folder)
 
 
 def timed(function, *arguments) -> float:
@@ -96,39 +99,80 @@ def _fresh(suite: Suite, folder: str, workers: int = 1) -> None:
 
 
 def speed_up(suite: Suite, repetitions: int) -> None:
-    """Print how much faster two workers are, and two plain processes."""
+    """Print how much faster two workers are, and how much faster two processes without a runner.
+
+    The latter is what the machine can give: its cores may share more than they seem to. In the order
+    1, 2, 2, 1, so that a machine that gets slower or faster meanwhile does so for both.
+    """
     ratios, ceilings = [], []
     for _ in range(repetitions):
-        with tempfile.TemporaryDirectory() as folder:
-            started = time.perf_counter()
-            run_suite(suite, folder, workers=1, fresh=True)
-            middle = time.perf_counter()
-            run_suite(suite, folder, workers=2, fresh=True)
-            ended = time.perf_counter()
-        ratios.append((middle - started) / (ended - middle))
-        ceilings.append(2 * _spin(1) / _spin(2))
+        ratios.append(_ratio(_in_workers, suite))
+        ceilings.append(_ratio(_in_plain_processes, suite))
         print(
-            f"2 workers against 1: {ratios[-1]:.2f}; 2 plain processes against 1: {ceilings[-1]:.2f}"
+            f"2 workers against 1: {ratios[-1]:.2f}; 2 plain processes against 1, the same runs: "
+            f"{ceilings[-1]:.2f}",
+            flush=True,
         )
     print(f"medians: {statistics.median(ratios):.2f} and {statistics.median(ceilings):.2f}")
 
 
-def _spin(processes: int) -> float:
-    """Time that so many processes take, each for the same work (s)."""
-    started = time.perf_counter()
+def _ratio(seconds: Callable[[Suite, int], float], suite: Suite) -> float:
+    times = [(count, seconds(suite, count)) for count in (1, 2, 2, 1)]
+    one, two = (sum(time for count, time in times if count == wanted) for wanted in (1, 2))
+    return one / two
+
+
+def _in_workers(suite: Suite, workers: int) -> float:
+    """Wall time of the suite in a process of its own, all that is needed once included (s)."""
     context = multiprocessing.get_context("spawn")
-    spinning = [context.Process(target=_work) for _ in range(processes)]
-    for process in spinning:
+    reader, writer = context.Pipe(duplex=False)
+    process = context.Process(target=_run_in_workers, args=(writer, suite, workers))
+    process.start()
+    taken = float(reader.recv())
+    process.join()
+    return taken
+
+
+def _run_in_workers(writer: Connection, suite: Suite, workers: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.perf_counter()
+        run_suite(suite, folder, workers=workers)
+        writer.send(time.perf_counter() - started)
+
+
+def _in_plain_processes(suite: Suite, count: int) -> float:
+    """Wall time of its runs, shared out to processes that have made a run each before (s)."""
+    context = multiprocessing.get_context("spawn")
+    barrier = context.Barrier(count + 1)
+    processes = [
+        context.Process(target=_run_plainly, args=(suite, part, count, barrier))
+        for part in range(count)
+    ]
+    for process in processes:
         process.start()
-    for process in spinning:
+    barrier.wait()
+    started = time.perf_counter()
+    barrier.wait()
+    taken = time.perf_counter() - started
+    for process in processes:
         process.join()
-    return time.perf_counter() - started
+    return taken
 
 
-def _work() -> None:
-    total = 0.0
-    for i in range(60_000_000):
-        total += i
+def _run_plainly(suite: Suite, part: int, count: int, barrier: Barrier) -> None:
+    runs = suite.runs()
+    robots = {run.robot: load_robot(run.robot) for run in runs}
+    with tempfile.TemporaryDirectory() as folder, threadpool_limits(limits=1):
+        _plain_run(runs[part], robots[runs[part].robot], folder)
+        barrier.wait()
+        for run in runs[part::count]:
+            _plain_run(run, robots[run.robot], folder)
+        barrier.wait()
+
+
+def _plain_run(run: RunSpec, robot: MobileManipulator, folder: str) -> None:
+    record = simulated_run(run, robot, make_controller(run.law, **run.gains))
+    record.save(Path(folder) / f"{run.run_id}.h5", every=run.record_every)
 
 
 def memory(runs: int) -> None:

@@ -185,7 +185,7 @@ class Store:
         return summary
 
     def forget(self, runs: Iterable[RunSpec]) -> None:
-        """Remove records, so that they are run anew.
+        """Remove records, so that they are run anew; with the last, the time that they took.
 
         Raises:
             MobmanError: If they cannot be removed.
@@ -194,6 +194,8 @@ class Store:
             for run in runs:
                 self.path(run).unlink(missing_ok=True)
                 self._failure(run.run_id).unlink(missing_ok=True)
+            if not any(self.path(run).exists() for run in self.runs):
+                replace(self.manifest, seconds=None, workers=None).write(self.folder)
         except OSError as error:
             raise self._cannot_write(error) from error
 

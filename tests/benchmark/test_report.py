@@ -540,3 +540,16 @@ def test_limitations_are_those_of_the_runs():
     assert "equivalent control" not in "\n".join(limitations_of(pinv))
     several = [run("a", record(seed=seed)) for seed in (0, 1)]
     assert "One seed" not in "\n".join(limitations_of(several))
+
+
+def test_every_curve_of_a_robot_with_many_motors_has_its_look(tmp_path):
+    many = 60
+    t = 0.01 * np.arange(101)
+    torque = np.cos(t)[:, None] * np.arange(1.0, many + 1.0)
+    names = [f"y_{i}" for i in range(many)]
+    content = record(torque=torque, z=np.zeros((101, many)), velocity_names=names)
+    write_report(tmp_path, SUITE, [run("tsm", content)])
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    drawn = set(re.findall(r'<path class="(m\d+)', text))
+    assert len(drawn) == many
+    assert all(f".chart .{look}{{stroke:" in text for look in drawn)

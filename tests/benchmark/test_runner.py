@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -218,6 +219,19 @@ def test_a_repeated_call_keeps_the_time_of_the_runs(done):
     run_suite(suite, folder, workers=1)
     assert Store(folder).manifest == before
     assert before.seconds > 0.0
+
+
+def test_the_time_of_runs_that_are_forgotten_goes_with_the_last_of_them(done, tmp_path):
+    _, folder, _ = done
+    shutil.copytree(folder, tmp_path / "copy")
+    store = Store(tmp_path / "copy")
+    took = store.manifest.seconds
+    *most, last = store.runs
+    store.forget(most)
+    assert store.manifest.seconds == took > 0.0
+    store.forget([last])
+    assert (store.manifest.seconds, store.manifest.workers) == (None, None)
+    assert store.runs == (*most, last)
 
 
 @pytest.mark.parametrize("content", ["[]", "null", '{"schema_version": 1}', "{"])

@@ -59,11 +59,21 @@ def test_unknown_suite_names_the_nearest():
 def test_all_wrong_names_are_told_at_once(tmp_path):
     path = small_suite(tmp_path)
     text = path.read_text().replace('"youbot"', '"yuobot"').replace('"circle"', '"cirlce"')
-    path.write_text(text.replace('"disturbed"', '"disturbt"').replace("mu =", "mi ="))
+    text = text.replace('"disturbed"', '"disturbt"').replace("mu =", "mi =")
+    path.write_text(text.replace('law = "pseudo-inverse"', 'law = "psuedo-inverse"'))
     with pytest.raises(SpecError) as error:
         load_suite(path).runs()
+    assert "controller 'pseudo-inverse': unknown controller 'psuedo-inverse'" in str(error.value)
     for expected in ("'youbot'", "'circle'", "'disturbed'", "'mu'"):
         assert f"did you mean {expected}" in str(error.value)
+
+
+def test_a_wrong_law_alone_is_told_with_its_label(tmp_path):
+    path = small_suite(tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace('law = "pseudo-inverse"', 'law = "psuedo-inverse"'))
+    with pytest.raises(SpecError, match="suite 'small': controller 'pseudo-inverse': unknown"):
+        load_suite(path).runs()
 
 
 @pytest.mark.parametrize(

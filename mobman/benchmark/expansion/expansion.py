@@ -23,7 +23,6 @@ def runs_of(suite: Suite) -> list[RunSpec]:
     Raises:
         SpecError: With everything that is wrong: names, gains, parameters, grids, overrides, and runs
             that are asked for twice under different names or with different gains.
-        UnknownNameError: If a law or a task is not registered.
     """
     problems = Problems()
     entries = Entries(suite, problems)

@@ -29,9 +29,6 @@ class Resolution:
         entries: What it defines itself.
         places: Its runs by their names.
         problems: Where it is noted what cannot be made.
-
-    Raises:
-        UnknownNameError: If a law or a task is not registered.
     """
 
     def __init__(
@@ -56,10 +53,7 @@ class Resolution:
             for key in dict.fromkeys((place.robot, place.task) for place in places)
             if self._robots[key[0]] is not None
         }
-        names = {(entries.law_of(p.label), entries.task_of(p.task)[0]) for p in places}
-        self._codes = {
-            key: foreign_code_sha256(controllers.get(key[0]), tasks.get(key[1])) for key in names
-        }
+        self._codes: dict[tuple[str, str], str] = {}
 
     def run(self, place: Place) -> RunSpec:
         """The run at a place, if no problem was noted."""
@@ -84,7 +78,7 @@ class Resolution:
             dt=place.dt,
             record_period=self._suite.record_period,
             compression=self._suite.compression,
-            code_sha256=self._codes[law, task],
+            code_sha256=self._code(law, task),
             version=__version__,
         )
 
@@ -94,6 +88,12 @@ class Resolution:
         controller = make_controller(self._entries.law_of(place.label), **gains)
         settings: dict[str, Any] = getattr(controller, "settings", dict)()
         return gains, settings
+
+    def _code(self, law: str, task: str) -> str:
+        if (law, task) not in self._codes:
+            found = foreign_code_sha256(controllers.get(law), tasks.get(task))
+            self._codes[law, task] = found
+        return self._codes[law, task]
 
     def _parameters(self, robot: str, task: str) -> dict[str, Any]:
         name, given = self._entries.task_of(task)

@@ -63,6 +63,8 @@ class Draughtsman:
     styles: Mapping[str, Look]
     unread: list[UnusedFile] = field(default_factory=list)
     """Files whose samples could not be read on the way."""
+    looks: dict[str, Look] = field(default_factory=dict)
+    """That the figures use, by key."""
     _used: set[str] = field(default_factory=set)
 
     def figure(self, name: str, chart: Chart | None, caption: str) -> Figure | None:
@@ -143,7 +145,9 @@ class Draughtsman:
             again += 1
             key = f"{base}-{again}"
         self._used.add(key)
-        return Figure(draw(key, chart), caption)
+        drawing = draw(key, chart)
+        self.looks |= {look.key: look for look in drawing.looks}
+        return Figure(drawing, caption)
 
 
 def papers_cells(groups: Sequence[Group]) -> list[CellRuns]:

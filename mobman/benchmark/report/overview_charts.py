@@ -43,6 +43,7 @@ EFFORTS = {
     "torque_variation": "total variation of v over the cell's least",
 }
 """What precision is paid for with: metrics, and their axes."""
+_FRONT = Look("kf", "#8a8a8a", "#8a8a8a", order=1.2)
 _MOST_PERIODS = 8  # that are ticks of their own
 _MOST_SCENARIOS = 80  # rows of a heat map
 

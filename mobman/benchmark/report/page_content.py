@@ -25,12 +25,10 @@ from mobman.benchmark.report.metrics_tables import metrics_tables
 from mobman.benchmark.report.overall_figures import overall_figures, overview_figures
 from mobman.benchmark.report.overview_charts import (
     EFFORTS,
-    EXTRA_LOOKS,
     Price,
     prices_of,
     scenarios_left_out,
 )
-from mobman.benchmark.report.style import motor_looks
 from mobman.benchmark.report.svg.style_sheet import DARK, LIGHT, STYLE, look_style
 from mobman.benchmark.report.table import first_rows
 from mobman.simulation.metrics.metric import STEADY
@@ -71,7 +69,7 @@ def page_content(
     drawn = draw_cells(found.groups, patterns, draughtsman)
     return {
         **_head(found),
-        **_looks(found),
+        **_looks(found, draughtsman),
         **_comparison(found, prices),
         "overall": overall,
         "overviews": overviews,
@@ -108,9 +106,9 @@ def _head(found: Evaluation) -> dict[str, Any]:
     }
 
 
-def _looks(found: Evaluation) -> dict[str, Any]:
+def _looks(found: Evaluation, draughtsman: Draughtsman) -> dict[str, Any]:
     """Colours and style sheets."""
-    looks = [*found.styles.values(), *motor_looks(40), *EXTRA_LOOKS]
+    looks = [*{**{look.key: look for look in found.styles.values()}, **draughtsman.looks}.values()]
     return {
         "styles": found.styles,
         "look_style": look_style(looks),

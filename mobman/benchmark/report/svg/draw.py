@@ -13,6 +13,8 @@ from mobman.benchmark.report.svg.room import foot, head, margin
 from mobman.benchmark.report.svg.units import units
 from mobman.benchmark.report.svg.words import sideways
 
+_GAP = 12.0  # px on the right of each panel
+
 
 def draw(key: str, chart: Chart) -> Drawing:
     """A chart as SVG."""
@@ -44,11 +46,11 @@ def _rows(chart: Chart, left: float, right: float) -> tuple[list[str], float]:
             for column, panel in enumerate(panels)
         ]
         top = y + (24.0 if any(panel.title for panel in panels) else 10.0)
-        top += max(head(panel, wide) for panel in panels)
+        top += max(head(panel, wide - _GAP) for panel in panels)
         floor = top + chart.height
         for column, panel in enumerate(panels):
             x0 = left + column * wide + margin(panel.y)
-            x1 = left + (column + 1) * wide - 12.0
+            x1 = left + (column + 1) * wide - _GAP
             frame = Frame(panel, units(x0), units(x1), units(top), units(floor))
             body += draw_panel(frame, named=named[column])
         y = floor + (foot(panels) if any(named) else 12.0)
