@@ -293,7 +293,10 @@ def _over_scenarios(group: Group) -> str:
         return ""
     notes = {label: f", {variant}" for label, variant in where.items()}
     if not any(math.isfinite(value) for value in worst.values()):
-        return f"{group.name}: no controller completes every scenario."
+        who = "no controller completes every scenario"
+        if len(worst) < len(group.labels):
+            who = f"of {listing(list(worst))}, which alone were asked for every cell, none completes all"
+        return f"{group.name}: {who}."
     return f"{group.name}, worst of {len(group.cells)} scenarios: {_extremes(worst, notes)}."
 
 
