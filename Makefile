@@ -27,11 +27,11 @@ bench: $(VENV)/installed
 
 test: lint
 	$(COMPILE)
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 test-slow: $(VENV)/installed-test
 	$(COMPILE)
-	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -m slow
 
 speed: $(VENV)/installed-speed
 	$(COMPILE)

@@ -17,6 +17,16 @@ OWN = [name for name in mm.list_robots() if origin_of(name) == "mobman"]
 PLATFORM = {name: find_spec(name).platform.type for name in OWN}
 
 
+# Folders whose tests wait for browsers and other processes. They start first: a file of theirs that
+# starts last would keep one worker busy long after the others have ended.
+SLOW = ("viewer", "running", "packaging", "kernels", "tuning", "cli", "docs")
+
+
+def pytest_collection_modifyitems(items):
+    """Sorted so, in the order that they have otherwise."""
+    items.sort(key=lambda item: not any(part in SLOW for part in item.path.parts))
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """By file, but the viewer's tests by robot, whose page serves several files."""

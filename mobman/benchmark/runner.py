@@ -126,9 +126,9 @@ def _place(
         from mobman.benchmark.running.cluster import Cluster
 
         return Cluster(dask)
-    if not compiled_ahead():
-        compile_ahead()  # here and once, instead of in every worker
     if executor is not None:
+        if not compiled_ahead():
+            compile_ahead()  # here and once, instead of in every worker
         return Given(executor)
     return Local(min(default_workers() if workers is None else workers, runs), limit)
 

@@ -72,14 +72,15 @@ def run_command(
     What is in the folder already is not run again: after Ctrl-C the same command goes on. Exit
     status 1 if a run gave no result; a run that diverged is a result.
     """
-    from mobman.benchmark.running.worker_processes import start_ahead
-
-    if dask is None:
-        start_ahead()
-    from mobman.benchmark.runner import run_suite
     from mobman.benchmark.suite import load_suite
 
     chosen = load_suite(suite)
+    if dask is None:
+        from mobman.benchmark.running.worker_processes import start_ahead
+
+        start_ahead()  # while the following is imported
+    from mobman.benchmark.runner import run_suite
+
     folder = output or Path("results") / chosen.name
     display = SuiteProgress()
     with interrupted_once():

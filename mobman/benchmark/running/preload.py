@@ -21,8 +21,12 @@ from mobman.simulation.metrics.metric import list_metrics
 @cache
 def preload() -> None:
     """Load the machine code of every kernel, once a process; compile what is not compiled yet."""
-    with contextlib.suppress(Exception):  # a run that needs what failed will say so
-        compile_ahead()
-        list_metrics()
-        with h5py.File(io.BytesIO(), "w") as file:  # h5py imports a part of itself when it is asked
-            assert file.create_dataset("t", data=(0.0,)).dims is not None
+    for step in (compile_ahead, list_metrics, _use_h5py):
+        with contextlib.suppress(Exception):  # a run that needs what failed will say so
+            step()
+
+
+def _use_h5py() -> None:
+    """It imports a part of itself when it is asked for it."""
+    with h5py.File(io.BytesIO(), "w") as file:
+        assert file.create_dataset("t", data=(0.0,)).dims is not None

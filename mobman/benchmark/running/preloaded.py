@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import mobman.benchmark.running.perform  # noqa: F401
-from mobman.benchmark.running.preload import preload
-from mobman.kernels.ahead import compiled_ahead
+import contextlib
 
-if compiled_ahead():  # otherwise who starts a suite is compiling at this moment
+with contextlib.suppress(Exception):  # a worker that needs what failed will say so
+    import mobman.benchmark.running.perform  # noqa: F401
+    from mobman.benchmark.running.preload import preload
+
     preload()

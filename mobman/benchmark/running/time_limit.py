@@ -20,6 +20,8 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+_LONGEST = 1e9  # s: timers take no more
+
 ENDED_BY = signal.SIGALRM
 """What ends a process that does not heed a limit."""
 
@@ -45,6 +47,7 @@ def within(seconds: float, function: Callable[..., T], /, *args: Any, fatal: boo
     Raises:
         TimeLimitError: At the limit, in the thread that does the work.
     """
+    seconds = min(seconds, _LONGEST)
     # whoever has a use of their own for the signal keeps it
     fatal = fatal and signal.getsignal(ENDED_BY) == signal.SIG_DFL
     watch = _watch_of_this_process()
@@ -130,7 +133,8 @@ class _Watch:
 
     def _strike(self, limit: _Limit) -> None:
         if not limit.strikes.acquire(blocking=False):
-            return  # it is over
+            self._limits.discard(limit)  # it is over, and was interrupted while it cleared up
+            return
         try:
             limit.struck = self.struck = True
             limit.due = time.monotonic() + limit.every

@@ -20,6 +20,7 @@ from typing import Any
 
 from mobman.benchmark.running.one_thread import one_thread_for_children
 from mobman.benchmark.running.worker_process import WorkerLostError, WorkerProcess
+from mobman.kernels.ahead import compile_ahead, compiled_ahead
 
 _PRELOAD = ("mobman.benchmark.running.quiet_server", "mobman.benchmark.running.preloaded")
 _TRIES = 3  # to start a process
@@ -28,11 +29,18 @@ _TRIES = 3  # to start a process
 def start_ahead() -> None:
     """Let the process that workers are forked from start and load what they need, and do not wait.
 
-    It takes a second or two, in which the caller may load what it needs itself.
+    It takes a second or two, in which the caller may load what it needs itself. Where kernels are still
+    to be compiled, nothing is done: one process is to do it.
     """
-    if _context().get_start_method() == "forkserver":
-        with one_thread_for_children():
-            forkserver.ensure_running()
+    if compiled_ahead() and _context().get_start_method() == "forkserver":
+        resource_tracker.ensure_running()  # before SIGINT is blocked: it unblocks it again
+        # Ctrl-C is this process's matter until the other one knows what to do about it
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            with one_thread_for_children():
+                forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class WorkerProcesses(Executor):
@@ -45,6 +53,8 @@ class WorkerProcesses(Executor):
     """
 
     def __init__(self, count: int) -> None:
+        if not compiled_ahead():
+            compile_ahead()  # here and once, instead of in every process
         self._context = _context()
         # Before a thread blocks SIGINT: starting it, Python's own helper unblocks the signal again.
         resource_tracker.ensure_running()

@@ -89,7 +89,9 @@ def score(evaluation: Evaluation, objective: Objective, limit: float) -> RunScor
     started = time.perf_counter()
     try:
         preload()
-        fatal = multiprocessing.parent_process() is not None
+        # where threads share a process, they would share its one timer
+        alone = threading.current_thread() is threading.main_thread()
+        fatal = alone and multiprocessing.parent_process() is not None
         record = within(limit, simulated, evaluation, fatal=fatal)
     except GainError as error:
         status, message = "infeasible", str(error)

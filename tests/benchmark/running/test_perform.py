@@ -121,6 +121,13 @@ def test_a_limit_meets_its_own_thread_only():
     assert sorted(met) == [(0.1, True), (0.2, True), (30.0, False)]
 
 
+@pytest.mark.parametrize("seconds", [1e10, float("inf")])
+def test_a_limit_may_be_as_long_as_one_likes(seconds):
+    assert within(seconds, abs, -1, fatal=True) == 1
+    with pytest.raises(TimeLimitError):  # others still strike
+        within(0.05, spin, 60.0, fatal=False)
+
+
 def test_a_limit_that_was_lost_strikes_again():
     with pytest.raises(TimeLimitError):
         within(0.05, swallow, 2, fatal=False)
