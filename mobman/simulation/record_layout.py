@@ -105,6 +105,7 @@ def open_in_memory(image: bytes | None = None) -> h5py.h5f.FileID:
         access.set_file_image(image)
         return h5py.h5f.open(name, h5py.h5f.ACC_RDWR, access)
     creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+    creation.set_obj_track_times(False)  # the same record makes the same bytes, whenever
     creation.set_attr_phase_change(_LARGEST_IN_HEADER, 0)
     return h5py.h5f.create(name, h5py.h5f.ACC_TRUNC, creation, access)
 
@@ -150,6 +151,7 @@ def _fill(file: h5py.File, layout: Layout) -> None:
 
 def _group_of_attributes(file: h5py.File, name: str) -> h5py.Group:
     creation = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
+    creation.set_obj_track_times(False)
     creation.set_attr_phase_change(_LARGEST_IN_HEADER, 0)
     return h5py.Group(h5py.h5g.create(file.id, name.encode(), gcpl=creation))
 
