@@ -6,6 +6,8 @@ PYTHON ?= python3
 SUITE ?= paper
 VENV := .venv
 BIN := $(VENV)/bin
+# Python compiles what is imported; of all these libraries, that is the smaller part.
+INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable
 # Each time, since an update of the sources brings other kernels; at once where they are compiled.
 COMPILE := $(BIN)/python -m mobman.kernels.ahead
 
@@ -57,19 +59,19 @@ $(VENV)/python:
 
 # The stamps depend on what is installed; a changed pyproject.toml installs anew.
 $(VENV)/installed: $(VENV)/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	$(INSTALL) .
 	touch $@
 
 $(VENV)/installed-test: $(VENV)/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test,speed,view,film]'
+	$(INSTALL) '.[test,speed,view,film]'
 	touch $@ $(VENV)/installed $(VENV)/installed-speed $(VENV)/installed-film
 
 $(VENV)/installed-speed: $(VENV)/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[speed]'
+	$(INSTALL) '.[speed]'
 	touch $@ $(VENV)/installed
 
 $(VENV)/installed-film: $(VENV)/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[view,film]'
+	$(INSTALL) '.[view,film]'
 	touch $@
 
 clean:
