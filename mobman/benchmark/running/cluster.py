@@ -204,6 +204,7 @@ def _by_value() -> tuple[
     """Functions for workers that may have no mobman, or another one: local ones are sent whole."""
 
     def versions_there() -> dict[str, str]:
+        """Of the libraries on a worker; none if it has no mobman."""
         try:
             from mobman.simulation.provenance import versions
 
@@ -212,6 +213,7 @@ def _by_value() -> tuple[
             return {}
 
     def problems_there(packed: list[tuple[str, bytes]]) -> list[str]:
+        """What of these things, by name, a worker cannot unpack, and why."""
         import pickle
 
         problems = []

@@ -54,6 +54,7 @@ class _Loop:
         self._running, self._waiting = 0, False
 
     def run(self) -> Iterator[News]:
+        """See :func:`results`."""
         self._look()
         while self._left or self._suspects or self._submitted:
             self._fill()

@@ -52,4 +52,8 @@ def test_fields():
 
 def test_example_of_a_budget():
     example = re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)
-    Tuning.model_validate(tomllib.loads(example[1])["tuning"])
+    given = tomllib.loads(example[1])["tuning"]
+    understood = Tuning.model_validate(given).model_dump(mode="json", exclude_unset=True)
+    assert given
+    assert set(understood) == set(given)
+    assert all(understood[name] == given[name] for name in ("trials", "seeds") if name in given)

@@ -120,3 +120,6 @@ def test_what_is_reported_is_refused(tuning, told):
 def test_what_is_not_reported_is_not_refused(tuning):
     runs, reported = runs_of(tuned_suite(groups=REPORTED, tuning=tuning))
     require_disjoint(runs["one"], reported)
+    assert runs["one"]
+    with pytest.raises(SpecError):  # the same runs, once one of them is reported
+        require_disjoint(runs["one"], [*reported, runs["one"][-1]])
