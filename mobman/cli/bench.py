@@ -11,6 +11,7 @@ from mobman.cli.bench_progress import SuiteProgress
 from mobman.cli.bench_suites import list_command, show_command
 from mobman.cli.bench_tune import tune
 from mobman.cli.interruption import interrupted_once
+from mobman.cli.output import echo
 
 
 def _part(
@@ -97,7 +98,7 @@ def run_command(
                     on_event=display.tell,
                 )
         except KeyboardInterrupt:
-            click.echo(f"mobman: {_interrupted(display, folder)}", err=True)
+            echo(f"mobman: {_interrupted(display, folder)}", err=True)
             raise click.exceptions.Exit(130) from None
     ended = sum(outcome.status in ("diverged", "singular") for outcome in summary.outcomes)
     done = f"{summary.asked} runs: {summary.skipped} were there"
@@ -107,21 +108,21 @@ def run_command(
             f"{'worker' if summary.workers == 1 else 'workers'}; {ended} of these diverged or met a "
             f"singularity, {len(summary.failed)} failed"
         )
-    click.echo(done)
+    echo(done)
     for outcome in summary.failed:
-        click.echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
+        echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
     if part is None:
         try:
             _report(folder)
         except KeyboardInterrupt:
-            click.echo(
+            echo(
                 f"mobman: interrupted; all runs are kept in {folder}, their report is written by: "
                 f"mobman bench report {folder}",
                 err=True,
             )
             raise click.exceptions.Exit(130) from None
     else:
-        click.echo(
+        echo(
             f"part {part[0]} of {part[1]} is in {folder}; the parts are joined by: "
             "mobman bench merge FOLDERS -o FOLDER"
         )
@@ -178,10 +179,10 @@ def _report(
 
     write_replay = _write_replay if replays else None
     files = report_on(folder, output=output, cells=cells, latex=latex, write_replay=write_replay)
-    click.echo(f"report: {files.html}")
-    click.echo(f"        {files.markdown}")
+    echo(f"report: {files.html}")
+    echo(f"        {files.markdown}")
     if latex is not None:
-        click.echo(f"LaTeX:  {latex / 'example.tex'}")
+        echo(f"LaTeX:  {latex / 'example.tex'}")
 
 
 def _write_replay(record: Path, page: Path, instant: float | None) -> None:
@@ -194,4 +195,4 @@ def _write_replay(record: Path, page: Path, instant: float | None) -> None:
         warnings.warn(warning, stacklevel=1)
     with View(scene) as shown:
         shown.save(page)
-    click.echo(f"replay: {page}", err=True)
+    echo(f"replay: {page}", err=True)

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from mobman.cli.output import echo
+
 
 @click.command("merge")
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -26,10 +28,10 @@ def merge_command(folders: tuple[Path, ...], output: Path) -> None:
 
     merged = merge(folders, output)
     for message in merged.unusable:
-        click.echo(f"mobman: left out: {message}", err=True)
+        echo(f"mobman: left out: {message}", err=True)
     for message in merged.conflicts:
-        click.echo(f"mobman: conflict, the first is kept: {message}", err=True)
-    click.echo(
+        echo(f"mobman: conflict, the first is kept: {message}", err=True)
+    echo(
         f"{output}: {merged.there} of {merged.asked} runs, {merged.copied} copied; the "
         f"report is written by: mobman bench report {output}"
     )

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import click
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from mobman.cli.output import console, number
+from mobman.cli.output import console, echo, number, printable
 
 if TYPE_CHECKING:
     from mobman.benchmark.run_spec import RunSpec
@@ -24,12 +23,12 @@ class SuiteProgress:
         self._console = console(stderr=True)
         self._ended = self._failed = self._running = 0
         self._progress = Progress(
-            TextColumn("{task.fields[counts]}"),
+            TextColumn("{task.fields[counts]}", markup=False),
             BarColumn(),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            TextColumn("{task.fields[note]}"),
+            TextColumn("{task.fields[note]}", markup=False),
             console=self._console,
             disable=not self._console.is_terminal,
             speed_estimate_period=float("inf"),  # a run may be longer than any period
@@ -86,14 +85,14 @@ class SuiteProgress:
         if self._console.is_terminal:
             self._console.print(text)
         else:
-            click.echo(text, err=True)
+            echo(text, err=True)
 
     def _show(self) -> None:
         counts = (
             f"{self.there}/{self.asked} runs, {self._running} running, {self._ended} diverged, "
             f"{self._failed} failed"
         )
-        self._progress.update(self._bar, counts=counts, note=self._note)
+        self._progress.update(self._bar, counts=counts, note=printable(self._note))
 
 
 def _ticks(run: RunSpec) -> float:

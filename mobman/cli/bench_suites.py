@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.table import Table
 
-from mobman.cli.output import console, print_json
+from mobman.cli.output import console, echo, print_json
 
 if TYPE_CHECKING:
     from mobman.benchmark.run_spec import RunSpec
@@ -57,7 +57,7 @@ def show_command(suite: str, each: bool, as_json: bool) -> None:
     out.print(_controllers(runs))
     if each:
         for run in runs:
-            click.echo(f"{run.run_id}  {run}")
+            echo(f"{run.run_id}  {run}")
 
 
 def _contents(suite: Suite, runs: list[RunSpec]) -> Table:

@@ -17,7 +17,7 @@ from rich.progress import (
 from rich.table import Table
 
 from mobman.cli.interruption import interrupted_once
-from mobman.cli.output import console, print_json
+from mobman.cli.output import console, echo, print_json, printable
 
 if TYPE_CHECKING:
     from mobman.benchmark.tuning.batches import Step
@@ -81,14 +81,14 @@ def tune(
                 on_step=display.step,
             )
     except KeyboardInterrupt:
-        click.echo(
+        echo(
             f"mobman: interrupted; the trials that were done are kept in {folder}, the same command "
             "goes on from there",
             err=True,
         )
         raise click.exceptions.Exit(130) from None
     for label, why in result.left_out.items():
-        click.echo(f"mobman: not tuned: {label!r} {why}", err=True)
+        echo(f"mobman: not tuned: {label!r} {why}", err=True)
     if as_json:
         print_json(_as_json(result))
     else:
@@ -146,13 +146,13 @@ class _Display:
         self._scores: dict[str, float] = {}
         self._first: set[str] = set()
         self._progress = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            TextColumn("{task.fields[note]}"),
+            TextColumn("{task.fields[note]}", markup=False),
             console=self._console,
             disable=not self._console.is_terminal,
         )
@@ -190,9 +190,9 @@ class _Display:
         before = self._scores.get(step.label, score)
         self._scores[step.label] = min(before, score)
         note = ", ".join(f"{label} {best:.2f}" for label, best in self._scores.items())
-        self._progress.update(self._bar, note=note)
+        self._progress.update(self._bar, note=printable(note))
         if not self._console.is_terminal:
-            click.echo(
+            echo(
                 f"[{self._trials}/{len(self._plan.gains) * self._plan.trials}] {step.label} · trial "
                 f"{step.number}: {score:.3f}, best {self._scores[step.label]:.3f}",
                 err=True,
@@ -212,4 +212,4 @@ class _Display:
         if self._console.is_terminal:
             self._progress.console.print(text)
         else:
-            click.echo(text, err=True)
+            echo(text, err=True)

@@ -13,6 +13,7 @@ import warnings
 import click
 
 from mobman.cli.bench import bench
+from mobman.cli.output import echo
 from mobman.cli.rerun import rerun
 from mobman.cli.robots import robots
 from mobman.cli.run import run
@@ -48,7 +49,7 @@ def main() -> None:
     except click.exceptions.Exit as leave:
         sys.exit(leave.exit_code)
     except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.ctx.get_help() if error.ctx else "", err=True)
+        echo(error.ctx.get_help() if error.ctx else "", err=True)
         sys.exit(error.exit_code)
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "mobman"
@@ -78,9 +79,9 @@ def main() -> None:
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    click.echo(f"mobman: warning: {' '.join(str(message).split())}", err=True)
+    echo(f"mobman: warning: {' '.join(str(message).split())}", err=True)
 
 
 def _fail(message: str, status: int) -> None:
-    click.echo(f"mobman: {' '.join(message.split())}", err=True)
+    echo(f"mobman: {' '.join(message.split())}", err=True)
     sys.exit(status)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -11,6 +12,21 @@ from typing import Any
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that steer a terminal (all control characters but newline and tab), that reverse the order
+of text, or that have no encoding."""
+
+
+def printable(text: str) -> str:
+    r"""Escape control characters, as in ``\x1b``: names and messages come from files of other people."""
+    return _UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def echo(text: str = "", *, err: bool = False) -> None:
+    """Print a printable line on stdout, or on stderr."""
+    click.echo(printable(text), err=err)
 
 
 class _Console(Console):
@@ -18,18 +34,23 @@ class _Console(Console):
         """Leave it to the entry point, which knows what a reader that has enough means."""
         raise BrokenPipeError
 
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Make a printable text of a string, also of a table's cell."""
+        return super().render_str(printable(text), **options)
+
 
 def console(*, stderr: bool = False) -> Console:
     """A terminal for tables and progress bars; plain text where there is no terminal.
 
-    What is printed is taken as it is: names and files may have brackets.
+    What is printed is taken as it is: names and files may have brackets or colons.
     """
-    return _Console(stderr=stderr, highlight=False, markup=False)
+    return _Console(stderr=stderr, highlight=False, markup=False, emoji=False)
 
 
 def print_json(value: Any) -> None:
     """Print JSON; numbers that JSON has no word for (inf, NaN) are null."""
-    click.echo(json.dumps(_finite(value), indent=2))
+    text = json.dumps(_finite(value), indent=2)  # ASCII
+    click.echo(text.replace("\x7f", "\\u007f"))
 
 
 def number(value: float, unit: str = "") -> str:
@@ -56,7 +77,7 @@ def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
     """A bar on stderr, where that is a terminal; gives what moves it, by the fraction done."""
     screen = console(stderr=True)
     with Progress(
-        TextColumn(text),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TaskProgressColumn(),
         TimeRemainingColumn(),
@@ -64,5 +85,5 @@ def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
         transient=True,
         disable=not screen.is_terminal,
     ) as progress:
-        bar = progress.add_task("", total=1.0)
+        bar = progress.add_task(printable(text), total=1.0)
         yield lambda fraction: progress.update(bar, completed=fraction)

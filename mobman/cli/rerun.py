@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mobman.cli.output import print_json, progress_bar
+from mobman.cli.output import echo, print_json, progress_bar
 from mobman.cli.run import tell
 from mobman.errors import MobmanError
 
@@ -73,7 +73,7 @@ def rerun(
         except MobmanError as error:
             if len(files) == 1:
                 raise
-            click.echo(f"mobman: {' '.join(str(error).split())}", err=True)
+            echo(f"mobman: {' '.join(str(error).split())}", err=True)
             failed = True
     if verifies and as_json:
         print_json(told)
@@ -88,7 +88,7 @@ def _repeat(file: Path, output: Path | None, *, as_json: bool) -> bool:
         record = repeat(file, progress=progress)
     tell(record, None if output is None else record.save(output), as_json=as_json)
     if not record.ok:
-        click.echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
+        echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
     return record.ok
 
 
@@ -108,16 +108,16 @@ def _verify(
     if as_json:
         told.append(_as_json(file, found, saved))
         return found.equal
-    click.echo(f"{file}: {_verdict(found)}")
+    echo(f"{file}: {_verdict(found)}")
     for line in _circumstances(found):
-        click.echo(f"  {line}")
+        echo(f"  {line}")
     for item in found.differences[:_TOLD]:
         by = "" if math.isnan(item.difference) else f" by {item.difference:.3g}"
-        click.echo(f"  {item.name} differs{by}: {item.where}")
+        echo(f"  {item.name} differs{by}: {item.where}")
     if len(found.differences) > _TOLD:
-        click.echo(f"  and {len(found.differences) - _TOLD} more (see --json)")
+        echo(f"  and {len(found.differences) - _TOLD} more (see --json)")
     if saved is not None:
-        click.echo(f"record: {saved}")
+        echo(f"record: {saved}")
     return found.equal
 
 

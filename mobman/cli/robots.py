@@ -8,9 +8,8 @@ from typing import Any, Literal
 import click
 import numpy as np
 from rich.table import Table
-from rich.text import Text
 
-from mobman.cli.output import console, print_json
+from mobman.cli.output import console, echo, print_json
 from mobman.cli.robots_add import add
 from mobman.cli.robots_check import check
 from mobman.errors import MobmanError, UnknownNameError
@@ -39,7 +38,7 @@ def robots(context: click.Context, as_json: bool) -> None:
         except MobmanError as error:  # one broken robot must not hide the others
             if isinstance(error, UnknownNameError):
                 continue  # a package's, of which there was a warning
-            click.echo(f"mobman: {name} is left out: {' '.join(str(error).split())}", err=True)
+            echo(f"mobman: {name} is left out: {' '.join(str(error).split())}", err=True)
     if as_json:
         print_json(rows)
         return
@@ -78,7 +77,7 @@ def show(name: str, as_json: bool) -> None:
         print_json(content)
         return
     out = console()
-    out.print(Text.assemble((content["name"], "bold"), f"  {content['description']}"))
+    out.print(out.render_str(content["name"], style="bold"), f" {content['description']}")
     for key in ("platform", "tip", "mass", "tags", "source", "license", "origin", "urdf"):
         out.print(f"  {key:<9} {_plain(content[key])}", soft_wrap=True)
     out.print(f"  {'z':<9} {', '.join(content['velocity_names'])}", soft_wrap=True)

@@ -54,7 +54,7 @@ def check(name: str, as_json: bool, no_simulation: bool) -> None:
 
 def _print(robot: str, findings: list[Finding]) -> None:
     out = console()
-    out.print(Text(robot, "bold"))
+    out.print(robot, style="bold")
     table = Table(box=None, pad_edge=False)
     table.add_column("check", no_wrap=True)
     table.add_column("result", no_wrap=True)
@@ -63,5 +63,5 @@ def _print(robot: str, findings: list[Finding]) -> None:
         result = Text(finding.status, _STYLES[finding.status])
         table.add_row(finding.check, result, finding.found)
         if finding.fix:  # below, where it has room
-            table.add_row("", Text("fix", "dim"), Text(finding.fix, "dim"))
+            table.add_row("", Text("fix", "dim"), out.render_str(finding.fix, style="dim"))
     out.print(table)

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.table import Table
-from rich.text import Text
 
-from mobman.cli.output import console, number, print_json, progress_bar
+from mobman.cli.output import console, echo, number, print_json, progress_bar
 from mobman.errors import RecordError
 
 if TYPE_CHECKING:
@@ -148,20 +147,20 @@ def run(
         if watched is not None:
             _stay(watched, record)
     if not record.ok:
-        click.echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
+        echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
         raise click.exceptions.Exit(1)
 
 
 def _open(watched: LiveRun, shown: View, no_browser: bool) -> None:
     """Show the page, and let it come up before the run begins."""
     # not with what is printed of the run, which may be JSON
-    click.echo(f"live: {shown.url}  (Ctrl-C ends it)", err=True)
+    echo(f"live: {shown.url}  (Ctrl-C ends it)", err=True)
     if no_browser:
         return
     if not shown.open():
-        click.echo("mobman: no browser could be opened; open the address in one", err=True)
+        echo("mobman: no browser could be opened; open the address in one", err=True)
     elif not watched.wait_for_page(_PATIENCE):
-        click.echo("mobman: the page is not open yet; the run begins without it", err=True)
+        echo("mobman: the page is not open yet; the run begins without it", err=True)
 
 
 def _stay(watched: LiveRun, record: Record) -> None:
@@ -170,7 +169,7 @@ def _stay(watched: LiveRun, record: Record) -> None:
         watched.finish(record)
         threading.Event().wait()
     except KeyboardInterrupt:
-        click.echo("", err=True)
+        echo(err=True)
 
 
 def tell(record: Record, path: Path | None, *, as_json: bool) -> None:
@@ -198,8 +197,8 @@ def _print(record: Any, path: Path | None) -> None:
     bounds = {key: record.settings[key] for key in ("a", "A") if key in record.settings}
     in_force = ", ".join(f"{key} = {value:.4g}" for key, value in bounds.items())
     name = f"{record.robot} · {record.task} · {record.scenario} · {record.controller}"
-    rest = f"  {record.status}" + (f"  (in force: {in_force})" if in_force else "")
-    out.print(Text.assemble((name, "bold"), rest))
+    rest = f" {record.status}" + (f"  (in force: {in_force})" if in_force else "")
+    out.print(out.render_str(name, style="bold"), rest)
     table = Table(box=None, pad_edge=False)
     table.add_column("metric")
     table.add_column("value", justify="right")

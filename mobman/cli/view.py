@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from mobman.cli.output import progress_bar
+from mobman.cli.output import echo, progress_bar
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -103,12 +103,12 @@ def view(
 def _serve(shown: Any, no_browser: bool) -> None:
     address = shown.url
     try:  # from when the address is told, Ctrl-C is the way to end it
-        click.echo(f"{shown.scene.title}: {address}  (Ctrl-C ends it)")
+        echo(f"{shown.scene.title}: {address}  (Ctrl-C ends it)")
         if not no_browser and not shown.open():
-            click.echo("mobman: no browser could be opened; open the address in one", err=True)
+            echo("mobman: no browser could be opened; open the address in one", err=True)
         threading.Event().wait()
     except KeyboardInterrupt:
-        click.echo("", err=True)
+        echo(err=True)
 
 
 def _film(shown: Any, path: Path, options: dict[str, Any]) -> None:
@@ -118,7 +118,7 @@ def _film(shown: Any, path: Path, options: dict[str, Any]) -> None:
 
 
 def _tell(what: str, path: Path) -> None:
-    click.echo(f"{what}: {path} ({path.stat().st_size / 1e6:.2f} MB)")
+    echo(f"{what}: {path} ({path.stat().st_size / 1e6:.2f} MB)")
 
 
 def _pixels(text: str) -> tuple[int, int]:
