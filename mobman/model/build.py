@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from typing import Any
 
@@ -19,7 +19,7 @@ from mobman.model.platforms.platform import Platform, Site
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf.file import UrdfSources, urdf_sources
-from mobman.robots.urdf.flat import flat_urdf
+from mobman.robots.urdf.flat import LINK, flat_urdf
 
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
 
@@ -61,6 +61,7 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     tree = _parse(spec, _flat(assembly.robot, where, platform))
     locked = _locked(spec, assembly, platform, tree)
     model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", spec.rest))
+    _give_back_names(model.frames)
     if spec.arm.tip not in assembly.links:
         raise SpecError(
             f"{where}: field 'arm.tip' is {spec.arm.tip!r}, which is no link of {sources}; its links: "
@@ -100,7 +101,15 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
         _locked(spec, assembly, robot.platform, tree),
         _named_values(spec, tree, "rest", spec.rest),
     )
+    for geometry in reduced:
+        _give_back_names(geometry.geometryObjects)
     return Geometry(visual=reduced[0], collision=reduced[1])
+
+
+def _give_back_names(named: Iterable[pin.Frame | pin.GeometryObject]) -> None:
+    """Give frames or shapes the names that their links have in the URDF, see :data:`flat.LINK`."""
+    for one in named:
+        one.name = one.name.removeprefix(LINK)
 
 
 def _flat(robot: ET.Element, where: str, platform: Platform) -> str:

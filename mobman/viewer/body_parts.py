@@ -203,7 +203,7 @@ def _skeleton(robot: MobileManipulator, bare: set[int]) -> Iterable[Part]:
         return
     model = robot.model
     radius = _SKELETON * _extent(robot)
-    tip = model.frames[model.getFrameId(robot.tip)]
+    tip = model.frames[robot.tip_frame]
     for i in sorted(bare):
         carried = [model.jointPlacements[j].translation for j in model.children[i]]
         if tip.parentJoint == i:

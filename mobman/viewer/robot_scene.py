@@ -48,7 +48,7 @@ def robot_scene(
     """
     drawn: Body = body(robot)
     model = robot.model
-    tip = model.frames[model.getFrameId(robot.tip)]
+    tip = model.frames[robot.tip_frame]
     content = {
         "name": robot.name,
         "joints": [_joint(robot, i) for i in range(1, model.njoints)],

@@ -18,6 +18,8 @@ _AXES = {"base_x": "1 0 0", "base_y": "0 1 0", "base_theta": "0 0 1"}
 _UNBOUNDED = "1e9"
 _PINOCCHIOS = "universe"  # its joint 0
 _OWN = "mobman/"  # begins the names of what is added, lest the URDF have them too
+LINK = f"{_OWN}link/"
+"""Begins the name of a link whose own name a joint has, too: Pinocchio makes frames of both."""
 _ALLOWED = ("fixed", "revolute", "prismatic", "continuous")
 
 
@@ -31,7 +33,8 @@ def flat_urdf(
     """A URDF with planar base joints in front of its root, and without two-slot joints.
 
     A ``continuous`` joint becomes ``revolute`` with wide limits, since Pinocchio gives it two
-    configuration slots (cos, sin) otherwise; ``floating`` and ``planar`` joints are refused.
+    configuration slots (cos, sin) otherwise; ``floating`` and ``planar`` joints are refused. Links with
+    the name of a joint get :data:`LINK` in front.
 
     Args:
         robot: The ``<robot>`` element; it is changed.
@@ -84,7 +87,16 @@ def flat_urdf(
         xyz=" ".join(repr(float(value)) for value in np.asarray(offset)),
         rpy=f"0 0 {-math.remainder(float(heading), math.tau)!r}",
     )
+    _rename_links(robot)
     return ET.tostring(robot, encoding="unicode")
+
+
+def _rename_links(robot: ET.Element) -> None:
+    taken = {joint.get("name") for joint in robot.findall("joint")} | {_PINOCCHIOS}
+    for path, attribute in (("link", "name"), ("joint/parent", "link"), ("joint/child", "link")):
+        for element in robot.findall(path):
+            if element.get(attribute) in taken:
+                element.set(attribute, f"{LINK}{element.get(attribute)}")
 
 
 def root_link(robot: ET.Element, where: str) -> str:
