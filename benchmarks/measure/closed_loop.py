@@ -15,9 +15,6 @@ from measure.rounds import Measure, Spread, batch, interleaved, once, ratio
 from mobman.errors import MobmanError
 from mobman.model.mobile_manipulator import MobileManipulator
 
-TICKS = 2000
-"""Of the runs, 1 ms each: the same with few rounds as with many, since a run has a fixed cost too."""
-
 RATIOS = {
     "tick_over_bare": ("tick", "bare_tick"),
     "step_over_bare": ("step", "bare_controller"),
@@ -28,13 +25,17 @@ RATIOS = {
 """What is divided by what."""
 
 
-def measure_robot(robot: MobileManipulator, rounds: int, batch_seconds: float) -> dict[str, Any]:
+def measure_robot(
+    robot: MobileManipulator, rounds: int, batch_seconds: float, ticks: int
+) -> dict[str, Any]:
     """All measurements of one robot, interleaved.
 
     Args:
         robot: The robot.
         rounds: How often each is repeated.
         batch_seconds: About how long a batch of short calls takes (s).
+        ticks: Length of the runs, 1 ms each; ratios of runs of different lengths do not compare,
+            since a run has a fixed cost too.
 
     Returns:
         ``seconds``: medians and quartiles of one call by name, ``ratios`` the same of
@@ -46,8 +47,8 @@ def measure_robot(robot: MobileManipulator, rounds: int, batch_seconds: float) -
     measures: dict[str, Measure] = {
         "bare_controller": batch(make_bare_controller(robot), batch_seconds),
         "bare_tick": batch(make_bare_tick(robot), batch_seconds),
-        "step": replay(case, tape(case, TICKS)),
-        "tick": once(lambda: case.run(TICKS, controller=controller), TICKS),
+        "step": replay(case, tape(case, ticks)),
+        "tick": once(lambda: case.run(ticks, controller=controller), ticks),
         "one_tick_run": once(lambda: case.run(1, controller=controller)),
     }
     for name, make in _peers().items():
@@ -59,17 +60,17 @@ def measure_robot(robot: MobileManipulator, rounds: int, batch_seconds: float) -
             notes[name] = f"not measured: {error}"
     if robot.spec.platform.type == "differential":
         measures["plain_tick"] = once(
-            lambda: plain_loop(robot, case.task, case.gains, TICKS * DT), TICKS
+            lambda: plain_loop(robot, case.task, case.gains, ticks * DT), ticks
         )
     else:
         notes["plain_tick"] = "not measured: written for a differential platform only"
     taken = interleaved(measures, rounds)
     # without what a run costs once: checks, provenance, arrays
-    taken["tick_alone"] = (TICKS * taken["tick"] - taken["one_tick_run"]) / (TICKS - 1)
+    taken["tick_alone"] = (ticks * taken["tick"] - taken["one_tick_run"]) / (ticks - 1)
     return {
         "joints": robot.nq,
         "nz": robot.nz,
-        "ticks": TICKS,
+        "ticks": ticks,
         "seconds": {name: asdict(Spread.of(values)) for name, values in taken.items()},
         "ratios": ratios(taken),
         "notes": notes,

@@ -26,7 +26,7 @@ schema = 1
 name = "workers"
 duration = {duration}
 seeds = {seeds}
-record_every = 10
+record_period = 10e-3
 
 [controllers.tsm]
 law = "tsm"

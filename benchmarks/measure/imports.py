@@ -36,11 +36,11 @@ def import_times(rounds: int) -> dict[str, Any]:
         all that a closed loop needs), ``difference`` and ``difference_used``.
     """
     with TemporaryDirectory() as bytecode:
-        # compiled once, as installed packages are; the round that warms up does it
+        # compiled once, as installed packages are; the round that warms up does it, or a single one
         environment = {**os.environ, "PYTHONPYCACHEPREFIX": bytecode}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         measures = {name: _import(code, environment) for name, code in _IMPORTS.items()}
-        taken = interleaved(measures, rounds)
+        taken = interleaved(measures, rounds, warm_up=rounds > 1)
     taken["difference"] = taken["mobman"] - taken["pinocchio"]
     taken["difference_used"] = taken["mobman_used"] - taken["pinocchio"]
     return {name: asdict(Spread.of(values)) for name, values in taken.items()}
