@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
+from contextlib import ExitStack
 
 import pytest
 
@@ -12,14 +14,19 @@ os.environ["XDG_DATA_HOME"] = tempfile.mkdtemp(prefix="mobman-tests-")
 
 import mobman as mm
 from mobman.robots.catalogue import find_spec, origin_of
+from mobman.viewer.browser import BrowserError, BrowserMissingError
+from mobman.viewer.browser import browser as running_browser
 
 OWN = [name for name in mm.list_robots() if origin_of(name) == "mobman"]
 PLATFORM = {name: find_spec(name).platform.type for name in OWN}
 
 
-# Folders whose tests wait for browsers and other processes. They start first: a file of theirs that
-# starts last would keep one worker busy long after the others have ended.
-SLOW = ("viewer", "running", "packaging", "kernels", "tuning", "cli", "docs")
+# Folders and files whose tests wait for browsers and other processes. They start first: a file of
+# theirs that starts last would keep one worker busy long after the others have ended.
+SLOW = (
+    *("viewer", "running", "packaging", "kernels", "tuning", "cli", "docs"),
+    *("test_make_targets.py", "test_optional_browser.py"),
+)
 
 
 def pytest_collection_modifyitems(items):
@@ -47,6 +54,54 @@ def pytest_xdist_make_scheduler(config, log):
             return f"page of {first}" if "/viewer/" in file and first in PLATFORM else file
 
     return ByFileOrPage(config, log)
+
+
+# Tests that need a browser are skipped where none is installed, unless this variable is set.
+REQUIRED = "MOBMAN_REQUIRE_BROWSER"
+NO_BROWSER = "no browser is installed; it is optional, and make browser installs one"
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A browser without a window, one for all tests; without one, the test is skipped.
+
+    A browser that does not start, or that ``MOBMAN_BROWSER`` names and is not there, is a failure.
+    """
+    with ExitStack() as stack:
+        try:
+            running = stack.enter_context(running_browser())
+        except BrowserMissingError as error:
+            if os.environ.get(REQUIRED):
+                pytest.fail(f"{REQUIRED} is set, but {error}", pytrace=False)
+            pytest.skip(NO_BROWSER)
+        except BrowserError as error:
+            pytest.fail(str(error), pytrace=False)
+        yield running
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_terminal_summary(terminalreporter):
+    """After all else: how many tests were skipped for want of a browser, in all processes."""
+    result = yield
+    skipped = terminalreporter.stats.get("skipped", [])
+    if count := sum(NO_BROWSER in str(report.longrepr) for report in skipped):
+        tests = "test" if count == 1 else "tests"
+        terminalreporter.write_line(
+            f"browser: none found, {count} {tests} skipped (make browser installs one)", yellow=True
+        )
+    return result
+
+
+@pytest.fixture
+def interruptible():
+    """Let SIGINT interrupt this process, and those that it starts, as from a terminal.
+
+    A shell without job control ignores it in what it starts in the background, and a process passes
+    on what it ignores.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session", params=PLATFORM)

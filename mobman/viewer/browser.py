@@ -38,6 +38,10 @@ class BrowserError(MobmanError):
     """There is no browser that could take a picture, or it failed."""
 
 
+class BrowserMissingError(BrowserError):
+    """Neither Chromium nor Chrome is installed, or the package that drives it is not."""
+
+
 def in_browser(document: str, size: tuple[int, int], act: Callable[[Page], T]) -> T:
     """Open a page in a browser without a window and do something with it.
 
@@ -77,12 +81,13 @@ def browser() -> Iterator[Browser]:
     """A browser without a window; it is closed at the end.
 
     Raises:
-        BrowserError: If playwright or a browser is missing.
+        BrowserMissingError: If playwright or a browser is missing.
+        BrowserError: If the browser does not start, or ``MOBMAN_BROWSER`` names no program.
     """
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError as error:
-        raise BrowserError(
+        raise BrowserMissingError(
             "pictures and film need the package playwright; install it with: "
             "pip install 'mobman[film]'"
         ) from error
@@ -92,12 +97,13 @@ def browser() -> Iterator[Browser]:
             running = playwright.chromium.launch(executable_path=program, args=list(_FLAGS))
         except Error as error:
             reason = str(error).splitlines()[0]
-            raise BrowserError(
-                f"the browser {program} does not start: {reason}"
-                if program is not None
-                else "pictures and film need Chromium or Chrome, and there is none; install one, or "
-                f"name its program in the environment variable {VARIABLE}"
-            ) from error
+            if program is None and "Executable doesn't exist" in reason:
+                raise BrowserMissingError(
+                    "pictures and film need Chromium or Chrome, and there is none; install one, or "
+                    f"name its program in the environment variable {VARIABLE}"
+                ) from error
+            name = program or "that playwright has installed"
+            raise BrowserError(f"the browser {name} does not start: {reason}") from error
         try:
             yield running
         finally:

@@ -130,6 +130,7 @@ def test_a_file_in_the_folders_place_is_told_plainly(done, tmp_path):
         run_suite(suite, tmp_path / "results", workers=1)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_interrupted_suite_keeps_what_was_done_and_goes_on(tmp_path):
     suite = small_suite(tmp_path, duration=1.0)
     command = [

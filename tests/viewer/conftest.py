@@ -1,4 +1,4 @@
-"""Pages in a real browser, one for all tests, that may not reach the network nor complain."""
+"""Pages in a real browser that may not reach the network nor report errors."""
 
 from __future__ import annotations
 
@@ -8,15 +8,8 @@ from urllib.parse import urlsplit
 import pytest
 
 import mobman as mm
-from mobman.viewer.browser import browser as running_browser
 
 SIZE = {"width": 740, "height": 360}  # small: a processor draws it
-
-
-@pytest.fixture(scope="session")
-def browser():
-    with running_browser() as running:
-        yield running
 
 
 @pytest.fixture(scope="session")

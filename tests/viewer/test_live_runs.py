@@ -183,6 +183,7 @@ def _started(*arguments):
     return process, line.split()[1]
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_the_command_shows_the_run_and_stays_until_interrupted(opened, tmp_path):
     file = tmp_path / "run.h5"
     process, url = _started("--live-speed", "max", "--duration", 0.4, "-o", file, "--json")
@@ -203,6 +204,7 @@ def test_the_command_shows_the_run_and_stays_until_interrupted(opened, tmp_path)
         process.wait()
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_the_command_is_interrupted_while_it_runs(browser):
     process, url = _started("--live", "--duration", 60)
     page = browser.new_page()

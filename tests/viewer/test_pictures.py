@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 import mobman as mm
+from mobman.viewer.browser import BrowserError, BrowserMissingError
 from mobman.viewer.view import View, make_scene
 
 SMALL = (320, 200)
@@ -20,6 +21,7 @@ def view():
     return View(make_scene(mm.simulate("youbot", "tsm", "circle", duration=0.3)))
 
 
+@pytest.mark.usefixtures("browser")
 def test_picture(view, tmp_path):
     with Image.open(view.save(tmp_path / "picture.png", size=SMALL, time=0.1)) as image:
         assert image.size == SMALL
@@ -29,6 +31,7 @@ def test_picture(view, tmp_path):
     assert np.mean((r > 1.4 * g) & (g > 1.4 * b)) > 0.01, "the youBot is orange"
 
 
+@pytest.mark.usefixtures("browser")
 def test_gif(view, tmp_path):
     with Image.open(view.save(tmp_path / "film.gif", size=SMALL, fps=10.0)) as film:
         assert film.size == SMALL
@@ -41,6 +44,7 @@ def test_gif(view, tmp_path):
     assert np.abs(pixels[0] - pixels[1]).max() > 40.0, "nothing moves"
 
 
+@pytest.mark.usefixtures("browser")
 def test_mp4(view, tmp_path):
     shares = []
     file = view.save(
@@ -79,14 +83,15 @@ def test_missing_browser_is_a_clear_message(view, tmp_path, monkeypatch):
     monkeypatch.delenv("MOBMAN_BROWSER")
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("PLAYWRIGHT_BROWSERS_PATH", str(tmp_path))
-    with pytest.raises(mm.MobmanError, match="need Chromium or Chrome, and there is none"):
+    with pytest.raises(BrowserMissingError, match="need Chromium or Chrome, and there is none"):
         view.save(tmp_path / "picture.png")
 
 
 def test_program_that_is_no_browser_is_a_clear_message(view, tmp_path, monkeypatch):
     monkeypatch.setenv("MOBMAN_BROWSER", "false")
-    with pytest.raises(mm.MobmanError, match="false does not start"):
+    with pytest.raises(BrowserError, match="false does not start") as caught:
         view.save(tmp_path / "picture.png")
+    assert not isinstance(caught.value, BrowserMissingError)
 
 
 @pytest.mark.parametrize(

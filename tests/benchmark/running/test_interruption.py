@@ -37,7 +37,7 @@ scenarios = ["disturbed"]
 
 
 @pytest.fixture
-def start(tmp_path):
+def start(tmp_path, interruptible):
     """Starts the command in a process group of its own; gives the process."""
     started = []
 
