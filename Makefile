@@ -1,63 +1,68 @@
-# make bench   set up, run the paper's suite, write results/paper and its report; SUITE=quick: another
-# make test    set up with test extras, run lint, types and tests
-# make help    the other targets
+# Set up, run and test mobman; `make` lists the targets.
 
 PYTHON ?= python3
 SUITE ?= paper
+# Of the script that the target runs: make speed OPTIONS=--quick, make browser OPTIONS=--dry-run
+OPTIONS ?=
+RESULTS := results
+IMAGES := docs/images
 VENV := .venv
 BIN := $(VENV)/bin
 # Python compiles what is imported; of all these libraries, that is the smaller part.
 INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable
 # Each time, since an update of the sources brings other kernels; at once where they are compiled.
 COMPILE := $(BIN)/python -m mobman.kernels.ahead
+PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+# The results of the suite, which may be a name or a file.
+OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 
-.PHONY: bench test test-slow speed lint format pictures clean help
+.PHONY: bench test test-slow speed lint format pictures browser clean help
 .DEFAULT_GOAL := help
 
-help:
-	@grep -E '^# make' $(MAKEFILE_LIST) | sed 's/^# //'
-	@echo "make test-slow   the longer studies among the tests"
-	@echo "make speed       measure what a tick costs, beside Pinocchio, Pink and MuJoCo (ten minutes)"
-	@echo "make lint        ruff and mypy alone"
-	@echo "make format      let ruff format the code"
-	@echo "make pictures    draw the pictures of README and docs from results/paper"
-	@echo "make clean       remove $(VENV) and caches; results stay"
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-bench: $(VENV)/installed
+bench: $(VENV)/installed ## set up, run the paper's suite, write results/paper and its report; SUITE=quick: another
 	$(COMPILE)
-	$(BIN)/mobman bench run $(SUITE) -o results/$(SUITE)
+	$(BIN)/mobman bench run $(SUITE) -o $(OUT)
 
-test: lint
+test: lint ## set up with test extras, run lint, types and tests
 	$(COMPILE)
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+	$(PYTEST)
 
-test-slow: $(VENV)/installed-test
+test-slow: $(VENV)/installed-test ## the longer studies among the tests
 	$(COMPILE)
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -m slow
+	$(PYTEST) -m slow
 
-speed: $(VENV)/installed-speed
+speed: $(VENV)/installed-speed ## measure what a tick costs, and Pinocchio, Pink and MuJoCo with it (ten minutes)
 	$(COMPILE)
-	$(BIN)/python benchmarks/speed.py -o results/speed
+	$(BIN)/python benchmarks/speed.py $(OPTIONS) -o $(RESULTS)/speed
 
-lint: $(VENV)/installed-test
+lint: $(VENV)/installed-test ## ruff and mypy alone
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-format: $(VENV)/installed-test
+format: $(VENV)/installed-test ## let ruff format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-pictures: bench $(VENV)/installed-film
-	$(BIN)/python docs/pictures.py results/paper docs/images
+pictures: bench $(VENV)/installed-film ## draw the pictures of README and docs; this needs a browser
+	$(BIN)/python docs/pictures.py $(OPTIONS) $(OUT) $(IMAGES)
 
-$(VENV)/python: 
+browser: $(VENV)/installed-film ## install a browser if there is none: for pictures, films and the viewer's tests
+	$(BIN)/python .ci/browser.py $(OPTIONS)
+
+clean: ## remove .venv and caches; results stay
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache build dist
+
+$(VENV)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "mobman needs Python 3.11 or newer; choose one with: make PYTHON=python3.11 ..."; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	touch $@
 
-# The stamps depend on what is installed; a changed pyproject.toml installs anew.
+# The stamps depend on what is installed; a changed pyproject.toml installs again.
 $(VENV)/installed: $(VENV)/python pyproject.toml
 	$(INSTALL) .
 	touch $@
@@ -73,6 +78,3 @@ $(VENV)/installed-speed: $(VENV)/python pyproject.toml
 $(VENV)/installed-film: $(VENV)/python pyproject.toml
 	$(INSTALL) '.[view,film]'
 	touch $@
-
-clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache build dist

@@ -1,10 +1,13 @@
 """Draw the pictures of README and docs: from the results of the suite `paper`, and of robots and runs.
 
 python docs/pictures.py results/paper docs/images
+
+With ``--quick``, runs are short and views small: to try it.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -63,16 +66,17 @@ def error_picture(store: Store, robot: str, scenarios: tuple[str, ...], path: Pa
     figure.savefig(path)
 
 
-def views(folder: Path) -> None:
+def views(folder: Path, quick: bool = False) -> None:
     """Robots and runs as `mobman view` shows them; this needs the extras `view` and `film`."""
-    size = (1280, 720)
+    size = (160, 90) if quick else (1280, 720)
+    long, short = (0.1, 0.1) if quick else (12.0, 10.0)  # s
     View(make_scene("youbot")).save(folder / "view-youbot.png", size=size)
-    tiago = mm.simulate("tiago_no_hand", "tsm", "circle", duration=12.0)
+    tiago = mm.simulate("tiago_no_hand", "tsm", "circle", duration=long)
     View(make_scene(tiago)).save(folder / "view-tiago.png", size=size, time=9.0)
-    composed = mm.simulate("husky_ur5", "tsm", "circle", duration=12.0)
+    composed = mm.simulate("husky_ur5", "tsm", "circle", duration=long)
     View(make_scene(composed)).save(folder / "view-husky.png", size=size, time=6.0)
     heavier = [
-        mm.simulate("youbot", law, "paper", duration=10.0, scenario="heavier")
+        mm.simulate("youbot", law, "paper", duration=short, scenario="heavier")
         for law in ("tsm", "pseudo-inverse")
     ]
     comparison = View(make_scene(heavier))
@@ -81,10 +85,18 @@ def views(folder: Path) -> None:
 
 def main() -> None:
     """Draw everything."""
-    store, folder = Store(sys.argv[1]), Path(sys.argv[2])
-    error_picture(store, "youbot", ("nominal", "heavier"), folder / "paper-youbot.png")
-    error_picture(store, "tiago_no_hand", ("nominal", "heavier"), folder / "paper-tiago.png")
-    views(folder)
+    parser = argparse.ArgumentParser(description="Draw the pictures of README and docs.")
+    parser.add_argument("results", type=Path, help="folder of the suite's results")
+    parser.add_argument("folder", type=Path, help="folder of the pictures")
+    parser.add_argument("--quick", action="store_true", help="short runs and small views")
+    options = parser.parse_args()
+    try:
+        store, folder = Store(options.results), options.folder
+        error_picture(store, "youbot", ("nominal", "heavier"), folder / "paper-youbot.png")
+        error_picture(store, "tiago_no_hand", ("nominal", "heavier"), folder / "paper-tiago.png")
+        views(folder, options.quick)
+    except mm.MobmanError as error:
+        sys.exit(f"pictures.py: {error}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,276 @@
+"""Every target of the Makefile does its work, on the smallest setting, in a small checkout."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import mobman
+
+ROOT = Path(__file__).parents[1]
+MAKE = shutil.which("make")
+
+pytestmark = pytest.mark.skipif(MAKE is None, reason="there is no make")
+
+SUITE = """
+schema = 1
+name = "small"
+duration = 0.02
+
+[controllers.tsm]
+law = "tsm"
+gains = { a = 0.2, A = 0.2 }
+
+[[groups]]
+robots = ["youbot", "tiago_no_hand"]
+tasks = ["circle"]
+scenarios = ["nominal", "heavier"]
+"""
+TESTS = """
+import pytest
+
+
+def test_sum() -> None:
+    assert 1 + 1 == 2
+
+
+@pytest.mark.slow
+def test_product() -> None:
+    assert 2 * 2 == 4
+"""
+
+
+class Checkout:
+    """A folder with the Makefile and what its targets call; the programs are this environment's.
+
+    Nothing can be installed in it: its pip fails, and its stamps say that all is there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for name in ("benchmarks", ".ci"):
+            shutil.copytree(
+                ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
+            )
+        for name in ("docs", "docs/images", "tests", ".venv", ".venv/bin"):
+            (folder / name).mkdir()
+        for name in ("Makefile", "pyproject.toml", "docs/pictures.py"):
+            shutil.copy(ROOT / name, folder / name)
+        (folder / "small.toml").write_text(SUITE)
+        (folder / "tests" / "test_small.py").write_text(TESTS.lstrip())
+        python = f'exec "{sys.executable}"'
+        own = (
+            """--config 'lint.isort.known-first-party = ["mobman"]'"""  # which is not in the folder
+        )
+        self._program("python", f'{python} "$@"')
+        self._program("mobman", f'{python} -m mobman "$@"')
+        self._program("ruff", f'{python} -m ruff "$@" {own}')
+        self._program(
+            "mypy", f"{python} -m mypy tests/test_small.py"
+        )  # all of mobman takes a minute
+        self._program("pip", "exit 9")
+        later = time.time() + 10.0
+        for stamp in ("python", "installed", "installed-test", "installed-speed", "installed-film"):
+            (folder / ".venv" / stamp).touch()
+            os.utime(folder / ".venv" / stamp, (later, later))
+
+    def _program(self, name: str, command: str) -> None:
+        file = self.folder / ".venv" / "bin" / name
+        file.write_text(f"#!/bin/sh\n{command}\n")
+        file.chmod(0o755)
+
+    def make(self, *arguments: str, status: int = 0, **variables: str) -> str:
+        """Call make; what it and its programs printed."""
+        inherited = {
+            name: value
+            for name, value in os.environ.items()
+            if not name.startswith(("PYTEST_", "MAKE", "MFLAGS"))
+        }
+        done = subprocess.run(
+            [str(MAKE), *arguments],
+            cwd=self.folder,
+            env={
+                **inherited,
+                "PYTHONPATH": str(Path(mobman.__file__).parents[1]),
+                "PYTEST_XDIST_AUTO_NUM_WORKERS": "1",
+                **variables,
+            },
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == status, done.stdout
+        return done.stdout
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("checkout") / "mobman"
+    folder.mkdir()
+    return Checkout(folder)
+
+
+@pytest.fixture
+def without_browser(tmp_path):
+    """Variables with which no browser is found, nor apt-get."""
+    return {"PATH": str(tmp_path), "PLAYWRIGHT_BROWSERS_PATH": str(tmp_path), "MOBMAN_BROWSER": ""}
+
+
+def targets():
+    return re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
+
+
+def test_help_says_what_every_target_does(checkout):
+    listed = dict(re.findall(r"^make (\S+) +(\S.*)$", checkout.make("help"), re.MULTILINE))
+    assert sorted(listed) == sorted(targets())
+    assert all(len(words.split()) >= 3 for words in listed.values())
+    assert checkout.make() == checkout.make("help")
+
+
+@pytest.fixture(scope="module")
+def results(checkout):
+    checkout.make("bench", "SUITE=small.toml")
+    return checkout.folder / "results" / "small"
+
+
+def test_bench_writes_results_and_report(results):
+    assert (results / "report.html").is_file()
+    assert len(list((results / "runs").glob("*.h5"))) == 4
+
+
+def pictures(checkout, status=0, **variables):
+    return checkout.make(
+        *("-o", "bench", "pictures", "SUITE=small.toml", "OPTIONS=--quick"),
+        status=status,
+        **variables,
+    )
+
+
+@pytest.mark.usefixtures("browser", "results")
+def test_pictures_draws_what_the_docs_show(checkout):
+    pictures(checkout)
+    drawn = {path.name for path in (checkout.folder / "docs" / "images").iterdir()}
+    committed = {path.name for path in (ROOT / "docs" / "images").glob("*.png")}
+    assert drawn == committed
+
+
+@pytest.mark.usefixtures("results")
+def test_pictures_says_that_there_is_no_browser(checkout, without_browser):
+    said = pictures(checkout, status=2, **without_browser)
+    assert "pictures.py: pictures and film need Chromium or Chrome, and there is none" in said
+    assert "Traceback" not in said
+    assert (checkout.folder / "docs" / "images" / "paper-tiago.png").is_file()
+
+
+def test_speed_makes_every_measurement(checkout):
+    checkout.make("speed", "OPTIONS=--quick --robots youbot")
+    folder = checkout.folder / "results" / "speed"
+    found = json.loads((folder / "speed.json").read_text())
+    assert found["robots"].keys() == found["long_runs"].keys() == {"youbot"}
+    assert found["growth"].keys() == {"joints", "dt", "workers"}
+    assert found["real_time"]["factor"]["median"] > 0.0
+    assert found["imports"].keys() >= {"pinocchio", "mobman", "mobman_used"}
+    assert "### Growth" not in (folder / "speed.md").read_text()
+    assert (folder / "speed.svg").is_file()
+
+
+def test_test_runs_lint_and_then_the_tests(checkout):
+    said = checkout.make("test")
+    assert said.index("ruff check .") < said.index("mypy") < said.index("pytest -n auto")
+    assert "1 passed" in said.strip().splitlines()[-1]
+
+
+def test_slow_runs_the_slow_ones_alone(checkout):
+    last = checkout.make("test-slow").strip().splitlines()[-1]
+    assert "1 passed" in last
+
+
+def test_slow_tests_of_this_checkout_can_be_collected():
+    marked = [path for path in ROOT.glob("tests/**/test_*.py") if "mark.slow" in path.read_text()]
+    marked.remove(Path(__file__))
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "--collect-only", "-m", "slow", *map(str, marked)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    for path in marked:
+        assert f"{path.name}::" in done.stdout
+
+
+def test_lint_finds_what_format_mends(tmp_path):
+    checkout = Checkout(tmp_path)
+    bad = tmp_path / "bad.py"
+    bad.write_text("import sys\nimport os\nprint( os.sep,sys.argv )\n")
+    checkout.make("lint", status=2)
+    checkout.make("format")
+    assert bad.read_text() == "import os\nimport sys\n\nprint(os.sep, sys.argv)\n"
+    checkout.make("lint")
+
+
+def test_clean_leaves_sources_and_results(tmp_path):
+    checkout = Checkout(tmp_path)
+    for name in ("build", "dist", ".mypy_cache", ".pytest_cache", ".ruff_cache", "results"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file").touch()
+    before = {path.name for path in tmp_path.iterdir()}
+    checkout.make("clean")
+    gone = before - {path.name for path in tmp_path.iterdir()}
+    assert gone == {".venv", "build", "dist", ".mypy_cache", ".pytest_cache", ".ruff_cache"}
+
+
+# The browser -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser_script():
+    spec = importlib.util.spec_from_file_location("browser_script", ROOT / ".ci" / "browser.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_browser_says_what_it_would_install(checkout, without_browser):
+    said = checkout.make("browser", "OPTIONS=--dry-run", **without_browser)
+    assert said.strip().splitlines()[-1].endswith("-m playwright install chromium")
+
+
+def test_a_browser_that_does_not_start_is_not_replaced(checkout, without_browser):
+    named = {**without_browser, "MOBMAN_BROWSER": str(shutil.which("false"))}
+    said = checkout.make("browser", status=2, **named)
+    assert "false does not start" in said
+
+
+def test_system_packages_come_first_for_root(browser_script):
+    system, fallback = browser_script.ways(root=True, apt="/usr/bin/apt-get")
+    assert system[-1] == ["/usr/bin/apt-get", "install", "-y", "-qq", "chromium"]
+    assert fallback[0][1:] == ["-m", "playwright", "install", "--with-deps", "chromium"]
+    for root, apt in ((False, "/usr/bin/apt-get"), (True, None), (False, None)):
+        ((command,),) = browser_script.ways(root=root, apt=apt)
+        assert command == [sys.executable, "-m", "playwright", "install", "chromium"]
+
+
+def test_ci_requires_the_browser_that_it_installs(checkout, tmp_path):
+    log, fake = tmp_path / "log", tmp_path / "make"
+    fake.write_text(f'#!/bin/sh\necho "$1 ${{MOBMAN_REQUIRE_BROWSER:-0}}" >> "{log}"\n')
+    fake.chmod(0o755)
+    subprocess.run(
+        ["bash", checkout.folder / ".ci" / "run"],
+        env={"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"},
+        stdin=subprocess.DEVNULL,
+        check=True,
+    )
+    assert log.read_text().split("\n")[:-1] == ["browser 0", "test 1"]
