@@ -71,7 +71,7 @@ def read_manifest(folder: Path) -> Manifest:
         raise MobmanError(f"{folder} is no folder of results: it is a file") from error
     except OSError as error:
         raise MobmanError(f"cannot read {path}: {error.strerror or error}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise MobmanError(f"cannot read {path}: it is not JSON ({error}). {_ADVICE}") from error
     version = content.get("schema_version") if isinstance(content, dict) else None
     if version != SCHEMA_VERSION:

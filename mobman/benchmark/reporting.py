@@ -48,7 +48,7 @@ def report_on(
     latex: str | os.PathLike[str] | None = None,
     write_replay: WriteReplay | None = None,
 ) -> ReportFiles:
-    """Write the report of a folder of results, and rebuild its index if it is not of these files.
+    """Write the report of a folder of results, and its index.
 
     Args:
         folder: The folder.
@@ -78,8 +78,8 @@ def report_on(
         from mobman.benchmark.report.latex import write_latex
 
         write_latex(Path(latex), results.suite, results.runs, results.failures, cells)
-    if output is None and not _index_is_fresh(store):
-        store.rebuild_index()
+    if output is None:
+        store.rebuild_index()  # a folder of unknown origin may hold links to anywhere
     return files
 
 
@@ -226,8 +226,3 @@ def _is_of(page: Path, record: Path) -> bool:
         return page.stat().st_mtime_ns >= record.stat().st_mtime_ns
     except OSError:
         return False
-
-
-def _index_is_fresh(store: Store) -> bool:
-    """Whether no record came or went since the index was written."""
-    return _is_of(store.folder / "index.h5", store.folder / "runs")

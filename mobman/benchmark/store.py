@@ -39,6 +39,7 @@ class Store:
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = Path(folder)
+        self._summaries: dict[Path, tuple[tuple[int, int], RecordSummary]] = {}
 
     def path(self, run: RunSpec) -> Path:
         """Where a run's record is, or will be."""
@@ -130,7 +131,7 @@ class Store:
         for path in sorted((self.folder / "failures").glob("*.json")):
             try:
                 found.append(Failure(path.stem, str(json.loads(path.read_bytes())["reason"])))
-            except (OSError, ValueError, KeyError, TypeError) as error:
+            except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
                 found.append(Failure(path.stem, f"{path} is not readable: {error!r}"))
         return found
 
@@ -174,7 +175,7 @@ class Store:
             RecordError: If it is not there, cannot be read, or is another run's.
         """
         path = self.path(run)
-        summary = read_summary(path)
+        summary = self._read(path)
         asked = (run.scenario["name"], run.seed)
         found = (summary.scenario, summary.seed)
         if found != asked:
@@ -183,6 +184,18 @@ class Store:
                 f"suite asks for {asked[0]!r} and {asked[1]}"
             )
         return summary
+
+    def _read(self, path: Path) -> RecordSummary:
+        """The summary of a file, read again where it changed: reports and indices ask for the same."""
+        try:
+            status = path.stat()
+        except OSError:
+            return read_summary(path)  # which says what is wrong
+        key = (status.st_mtime_ns, status.st_size)
+        kept = self._summaries.get(path)
+        if kept is None or kept[0] != key:
+            kept = self._summaries[path] = (key, read_summary(path))
+        return kept[1]
 
     def forget(self, runs: Iterable[RunSpec]) -> None:
         """Remove records, so that they are run anew; with the last, the time that they took.

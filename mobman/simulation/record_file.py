@@ -5,24 +5,24 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 import h5py
 import numpy as np
 
 from mobman.arrays import Array, Index
 from mobman.errors import RecordError, UsageError
+from mobman.isolation import Crash, helper, limits
 from mobman.simulation.record import Record
 from mobman.simulation.record_chunks import chunks
 from mobman.simulation.record_layout import (
     DICTIONARIES,
     FIELDS,
-    SCHEMA_VERSION,
     TEXTS,
     empty_file,
     layout_of,
@@ -30,9 +30,11 @@ from mobman.simulation.record_layout import (
 )
 from mobman.simulation.temporary import temporary_beside
 
-T = TypeVar("T")
-
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_ALLOWED = "allowed: a record that mobman wrote"
+# Processor time and memory that reading a record may take: a hundred times what it does take.
+_SECONDS, _SECONDS_PER_MB = 4.0, 0.5
+_MEGABYTES, _MEGABYTES_PER_MB = 256.0, 100.0
 
 
 def record_bytes(record: Record, *, every: int = 1, compression: int = 4) -> bytes:
@@ -73,7 +75,12 @@ def write_record(record: Record, path: Path, *, every: int = 1, compression: int
 
 def read_record(path: Path) -> Record:
     """See :func:`mobman.load_record`."""
-    return _read(path, _parse)
+    content = _read("read_whole", path)
+    head = content.pop("attributes")
+    for name in DICTIONARIES:
+        head[name] = json.loads(head.pop(f"{name}_json"))
+    fields: dict[str, Any] = content.pop("fields")
+    return Record(**content, **head, **fields)
 
 
 @dataclass(frozen=True)
@@ -102,7 +109,10 @@ def read_summary(path: Path) -> RecordSummary:
     Raises:
         RecordError: As for :func:`mobman.load_record`.
     """
-    return _read(path, _summary)
+    head = _read("read_head", path)
+    shared = {name: _shared(head.pop(f"{name}_json")) for name in DICTIONARIES}
+    kept = {field.name for field in fields(RecordSummary)}
+    return RecordSummary(**{k: v for k, v in {**head, **shared}.items() if k in kept})
 
 
 def _check_number(name: str, value: int, least: int, most: int | None) -> None:
@@ -167,144 +177,37 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
 
 
-def _read(path: Path, parse: Callable[[h5py.File, Path], T]) -> T:
+def _read(function: str, path: Path) -> Any:
+    """The answer of a function of :mod:`mobman.simulation.record_reader`, which may crash or hang."""
     try:
         if not path.is_file():
             what = "it is a folder" if path.is_dir() else "it is no file"
             raise RecordError(f"there is no record {path}" + (f": {what}" if path.exists() else ""))
-        # before HDF5, whose messages are long
         with path.open("rb") as stream:
             start = stream.read(len(_SIGNATURE))
-    except OSError as error:
-        raise RecordError(f"cannot read the record {path}: {error.strerror}") from error
-    try:
-        with h5py.File(path, "r") as file:
-            return parse(file, path)
-    except OSError as error:
+        if start != _SIGNATURE:
+            reason = (
+                f"it starts with {start!r}, not with HDF5's signature" if start else "it is empty"
+            )
+            raise RecordError(f"{path} is not a readable HDF5 file: {reason}; {_ALLOWED}")
+        megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
+        return helper.call(
+            f"mobman.simulation.record_reader:{function}",
+            os.path.abspath(path),
+            str(path),
+            seconds=seconds,
+            megabytes=_MEGABYTES + _MEGABYTES_PER_MB * megabytes,
+        )
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        why = getattr(error, "strerror", None) or error
+        raise RecordError(f"cannot read the record {path}: {why}") from error
+    except Crash as error:
         raise RecordError(
-            f"{path} is not a readable HDF5 file: {_reason(start, error)}; allowed: a record that "
-            "mobman wrote"
+            f"{path} is not a readable HDF5 file: it is damaged ({error}); {_ALLOWED}"
         ) from error
-    except (KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
-        raise RecordError(f"{path} is not a whole record: {reason}") from error
-
-
-def _reason(start: bytes, error: OSError) -> str:
-    if not start:
-        return "it is empty"
-    if start != _SIGNATURE:
-        return f"it starts with {start!r}, not with HDF5's signature"
-    text = " ".join(str(error).split())
-    return f"it is damaged or cut off ({text})"
-
-
-def _summary(file: h5py.File, path: Path) -> RecordSummary:
-    _check_version(file, path)
-    texts = (
-        "status",
-        "message",
-        "robot",
-        "controller",
-        "task",
-        "scenario",
-        "state_sha256",
-        "created",
-    )
-    return RecordSummary(
-        seed=int(file.attrs["seed"]),
-        metrics=_metrics(file),
-        settings=_shared(_read_text(file, "settings_json")),
-        versions=_shared(_read_text(file, "versions_json")),
-        machine=_shared(_read_text(file, "machine_json")),
-        **{name: _read_text(file, name) for name in texts},
-    )
-
-
-def _metrics(file: h5py.File) -> dict[str, float]:
-    """By HDF5's own functions, since indices of suites read many files."""
-    group, metrics = file["metrics"].id, {}
-    for index in range(h5py.h5a.get_num_attrs(group)):
-        attribute = h5py.h5a.open(group, index=index)
-        value = np.empty((), dtype=float)
-        if attribute.shape != ():
-            raise ValueError(f"its metric {attribute.name.decode()!r} is no number")
-        attribute.read(value)
-        metrics[attribute.name.decode()] = float(value)
-    return metrics
-
-
-def _read_text(file: h5py.File, name: str) -> str:
-    value = file.attrs[name]
-    if not isinstance(value, str):
-        raise TypeError(f"its attribute {name!r} is no text")
-    return value
-
-
-def _dictionary(file: h5py.File, name: str) -> dict[str, Any]:
-    value = json.loads(_read_text(file, f"{name}_json"))
-    if not isinstance(value, dict):
-        raise TypeError(f"its attribute '{name}_json' is no dictionary")
-    return value
 
 
 @lru_cache(maxsize=512)
 def _shared(text: str) -> Mapping[str, Any]:
     """A dictionary; of thousands of records, few differ in theirs."""
     return MappingProxyType(json.loads(text))
-
-
-def _check_version(file: h5py.File, path: Path) -> None:
-    version = file.attrs.get("schema_version")
-    if version is None:
-        raise RecordError(
-            f"{path} is an HDF5 file, but not a mobman record (no schema_version); allowed: a record of "
-            f"schema version {SCHEMA_VERSION}"
-        )
-    if np.ndim(version) != 0 or version != SCHEMA_VERSION:
-        raise RecordError(
-            f"{path} has schema version {version}; this mobman reads version {SCHEMA_VERSION}: "
-            + _advice(version)
-        )
-
-
-def _advice(version: Any) -> str:
-    if np.ndim(version) == 0 and isinstance(version, (int, np.integer)) and version > 0:
-        older = version < SCHEMA_VERSION
-        return "run it again" if older else "a later mobman wrote it; install that"
-    return "mobman did not write it"
-
-
-def _parse(file: h5py.File, path: Path) -> Record:
-    _check_version(file, path)
-    fields: dict[str, Any] = {field: file[place][()] for place, (field, *_) in FIELDS.items()}
-    signals = {str(place): file[place][()] for place in file.attrs["signals"]}
-    t = file["t"][()]
-    for place, values in {**fields, **signals}.items():
-        if np.shape(values)[:1] != t.shape:
-            raise ValueError(f"{place} has shape {np.shape(values)} for {len(t)} times")
-    fields |= {name: _read_text(file, name) for name in TEXTS}
-    fields |= {name: _dictionary(file, name) for name in DICTIONARIES}
-    return Record(
-        t=t,
-        **fields,
-        signals=signals,
-        metrics=_metrics(file),
-        seed=int(file.attrs["seed"]),
-        joint_names=[name.decode() for name in file["joint"][()]],
-        velocity_names=[name.decode() for name in file["velocity"][()]],
-        decimation=int(file.attrs["decimation"]),
-        urdf=_urdf(file),
-    )
-
-
-def _urdf(file: h5py.File) -> dict[str, bytes]:
-    found: dict[str, bytes] = {}
-
-    def take(place: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and not item.is_scale:
-            found[place] = item[()].astype(np.uint8).tobytes()
-
-    if "urdf" in file:
-        file["urdf"].visititems(take)
-    return found
