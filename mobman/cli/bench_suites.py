@@ -44,9 +44,11 @@ def list_command(as_json: bool) -> None:
 def show_command(suite: str, each: bool, as_json: bool) -> None:
     """Show what SUITE (a name or a TOML file) asks for, and check all of it; nothing is run."""
     from mobman.benchmark.suite import load_suite
+    from mobman.model.platforms.types.custom import without_code
 
     chosen = load_suite(suite)
-    runs = chosen.runs()
+    with without_code():
+        runs = chosen.runs()
     if as_json:
         listing = [{"run_id": run.run_id, **asdict(run)} for run in runs]
         print_json({"suite": chosen.model_dump(mode="json", by_alias=True), "runs": listing})

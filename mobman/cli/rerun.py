@@ -13,7 +13,7 @@ from mobman.cli.run import tell
 from mobman.errors import MobmanError
 
 if TYPE_CHECKING:
-    from mobman.simulation.repeat import Verification
+    from mobman.simulation.repeat import Own, Verification
 
 _TOLD = 5
 
@@ -43,15 +43,37 @@ _TOLD = 5
     type=click.Path(path_type=Path, dir_okay=False),
     help="HDF5 file for the new record, at every tick.",
 )
+@click.option(
+    "--robot",
+    metavar="FILE",
+    help="Robot (a TOML file or a name) to use instead of the record's, for a platform that is Python "
+    "code.",
+)
+@click.option(
+    "--controller",
+    metavar="FILE.py:NAME",
+    help="Python code of a law that is not registered: called without arguments, gives the controller.",
+)
+@click.option(
+    "--task",
+    metavar="FILE.py:NAME",
+    help="Python code of a task that is not registered: called with the robot and q0, gives the task.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def rerun(
     files: tuple[Path, ...],
     verifies: bool,
     tolerance: float | None,
     output: Path | None,
+    robot: str | None,
+    controller: str | None,
+    task: str | None,
     as_json: bool,
 ) -> None:
     """Repeat the run of each record FILE from the file alone.
+
+    No code is taken from the file. What is Python code, and not registered, is named by --robot,
+    --controller and --task.
 
     Exit status 1 if a run cannot be repeated, if it diverged or met a singularity, or, with --verify, if
     the repetition differs from the file.
@@ -64,12 +86,13 @@ def rerun(
         raise click.BadParameter(f"{tolerance} is not a number from 0 on", param_hint="--tolerance")
     told: list[dict[str, Any]] = []
     failed = False
+    own = _own(robot, controller, task)
     for file in files:
         try:
             if verifies:
-                failed |= not _verify(file, tolerance, output, told, as_json=as_json)
+                failed |= not _verify(file, tolerance, output, own, told, as_json=as_json)
             else:
-                failed |= not _repeat(file, output, as_json=as_json)
+                failed |= not _repeat(file, output, own, as_json=as_json)
         except MobmanError as error:
             if len(files) == 1:
                 raise
@@ -81,11 +104,39 @@ def rerun(
         raise click.exceptions.Exit(1)
 
 
-def _repeat(file: Path, output: Path | None, *, as_json: bool) -> bool:
+def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
+    """What the user names instead of the record's parts."""
+    from mobman.model.build import load_robot
+    from mobman.simulation.repeat import Own
+
+    law = None
+    if controller is not None:
+        try:
+            law = _code(controller, "--controller")()
+        except (Exception, SystemExit) as error:  # the user's code may raise anything
+            raise click.BadParameter(
+                f"calling {controller} failed: {error!r}", param_hint="--controller"
+            ) from error
+    return Own(
+        robot=None if robot is None else load_robot(robot),
+        controller=law,
+        make_task=None if task is None else _code(task, "--task"),
+    )
+
+
+def _code(name: str, option: str) -> Any:
+    from mobman.model.platforms.types.custom import load_code
+
+    if ":" not in name:
+        raise click.BadParameter(f"{name!r} is not FILE.py:NAME", param_hint=option)
+    return load_code(name, Path.cwd(), f"{option} {name}")
+
+
+def _repeat(file: Path, output: Path | None, own: Own, *, as_json: bool) -> bool:
     from mobman.simulation.repeat import repeat
 
     with progress_bar(str(file)) as progress:
-        record = repeat(file, progress=progress)
+        record = repeat(file, own=own, progress=progress)
     tell(record, None if output is None else record.save(output), as_json=as_json)
     if not record.ok:
         echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
@@ -96,6 +147,7 @@ def _verify(
     file: Path,
     tolerance: float | None,
     output: Path | None,
+    own: Own,
     told: list[dict[str, Any]],
     *,
     as_json: bool,
@@ -103,7 +155,7 @@ def _verify(
     from mobman.simulation.repeat import verify
 
     with progress_bar(str(file)) as progress:
-        found = verify(file, tolerance=tolerance, progress=progress)
+        found = verify(file, tolerance=tolerance, own=own, progress=progress)
     saved = None if output is None else found.record.save(output)
     if as_json:
         told.append(_as_json(file, found, saved))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 import numpy as np
@@ -13,6 +13,10 @@ from mobman.cli.output import console, echo, print_json
 from mobman.cli.robots_add import add
 from mobman.cli.robots_check import check
 from mobman.errors import MobmanError, UnknownNameError
+
+if TYPE_CHECKING:
+    from mobman.model.mobile_manipulator import MobileManipulator
+    from mobman.robots.spec import RobotSpec
 
 _NUMBERS = ("arm", "nz", "kg")
 _COLUMNS = ("robot", "platform", *_NUMBERS, "licence", "from")
@@ -34,7 +38,7 @@ def robots(context: click.Context, as_json: bool) -> None:
     rows = []
     for name in list_robots():
         try:
-            rows.append(_summary(name))
+            rows.append(_summary(*_found(name)))
         except MobmanError as error:  # one broken robot must not hide the others
             if isinstance(error, UnknownNameError):
                 continue  # a package's, of which there was a warning
@@ -53,9 +57,8 @@ def robots(context: click.Context, as_json: bool) -> None:
         table.add_row(
             row["name"],
             row["platform"],
-            str(row["arm_joints"]),
-            str(row["nz"]),
-            f"{row['mass']:.1f}",
+            *("–" if row[key] is None else str(row[key]) for key in ("arm_joints", "nz")),
+            "–" if row["mass"] is None else f"{row['mass']:.1f}",
             re.split(r"[ ;(]", row["license"])[0],
             row["origin"],
             *([row["description"]] if out.width >= _WIDE else []),
@@ -79,7 +82,15 @@ def show(name: str, as_json: bool) -> None:
     out = console()
     out.print(out.render_str(content["name"], style="bold"), f" {content['description']}")
     for key in ("platform", "tip", "mass", "tags", "source", "license", "origin", "urdf"):
-        out.print(f"  {key:<9} {_plain(content[key])}", soft_wrap=True)
+        if content[key] is not None:
+            out.print(f"  {key:<9} {_plain(content[key])}", soft_wrap=True)
+    if content["code"]:
+        out.print(
+            f"  {'code':<9} the platform is Python code, {content['code']}, which runs when the robot "
+            "is loaded for a run or a check, and not here: joints and limits are not known",
+            soft_wrap=True,
+        )
+        return
     out.print(f"  {'z':<9} {', '.join(content['velocity_names'])}", soft_wrap=True)
     out.print(f"  {'tip at rest':<9} {np.round(content['tip_at_rest'], 4).tolist()} m")
     table = Table(box=None, pad_edge=False)
@@ -98,38 +109,53 @@ def _plain(value: Any) -> str:
     return ", ".join(value) if isinstance(value, list) else str(value)
 
 
-def _summary(name: str) -> dict[str, Any]:
-    from mobman.model.build import load_robot
-    from mobman.robots.catalogue import list_robots, origin_of
-
-    robot = load_robot(name)
+def _summary(spec: RobotSpec, robot: MobileManipulator | None, origin: str) -> dict[str, Any]:
+    """What a robot is; without a model, of one whose platform is code, what its description says."""
+    model: dict[str, Any] = dict.fromkeys(("arm_joints", "nq", "nz", "mass"))
+    if robot is not None:
+        mass = float(sum(link.mass for link in robot.model.inertias))
+        model = {"arm_joints": robot.n, "nq": robot.nq, "nz": robot.nz, "mass": mass}
     return {
-        "name": robot.name,
-        "origin": origin_of(name) if name in list_robots() else "file",
-        "platform": robot.spec.platform.type,
-        "arm_joints": robot.n,
-        "nq": robot.nq,
-        "nz": robot.nz,
-        "mass": float(sum(link.mass for link in robot.model.inertias)),
-        "tip": robot.tip,
-        "tags": robot.spec.tags,
-        "license": robot.spec.license,
-        "source": robot.spec.source,
-        "description": robot.spec.description,
+        "name": spec.name,
+        "origin": origin,
+        "platform": spec.platform.type,
+        **model,
+        "code": spec.code or None,
+        "tip": spec.arm.tip,
+        "tags": spec.tags,
+        "license": spec.license,
+        "source": spec.source,
+        "description": spec.description,
     }
 
 
-def _details(name: str) -> dict[str, Any]:
-    from mobman.model.build import load_robot
+def _found(name: str) -> tuple[RobotSpec, MobileManipulator | None, str]:
+    """A robot's description, its model unless that takes running code, and where it is from."""
+    from mobman.model.build import build_robot
+    from mobman.robots.catalogue import find_spec, list_robots, origin_of
 
-    robot = load_robot(name)
+    spec = find_spec(name)
+    origin = origin_of(name) if name in list_robots() else "file"
+    return spec, None if spec.code else build_robot(spec), origin
+
+
+def _details(name: str) -> dict[str, Any]:
+    from mobman.robots.urdf.file import urdf_sources
+
+    spec, robot, origin = _found(name)
+    urdf = urdf_sources(spec)
+    content = {
+        **_summary(spec, robot, origin),
+        "platform_parameters": spec.platform.parameters,
+        "urdf": str(urdf),
+        "urdf_sha256": urdf.sha256(),
+    }
+    if robot is None:
+        return content
     limits = robot.limits
     lower, upper = limits.lower, limits.upper
     return {
-        **_summary(name),
-        "platform_parameters": robot.spec.platform.parameters,
-        "urdf": str(robot.urdf),
-        "urdf_sha256": robot.urdf.sha256(),
+        **content,
         "velocity_names": robot.velocity_names,
         "velocity_limits": limits.velocity.tolist(),
         "torque_limits": limits.torque.tolist(),

@@ -11,7 +11,7 @@ from typing import Any
 
 import platformdirs
 
-from mobman.errors import UnknownNameError, UsageError
+from mobman.errors import SpecError, UnknownNameError, UsageError
 from mobman.resources import resource_folder
 from mobman.robots.spec import RobotSpec, read_spec
 from mobman.toml_model import validate
@@ -72,6 +72,27 @@ def as_spec(spec_or_path: RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
     if not isinstance(spec_or_path, (str, os.PathLike)):
         raise UsageError(f"{spec_or_path!r} is no robot: give a description or a TOML file")
     return read_spec(Path(spec_or_path))
+
+
+def registered_as(described: Mapping[str, Any]) -> RobotSpec:
+    """The registered robot of a description in a record, whose platform is Python code.
+
+    A file of unknown origin does not get to run code: the code is that of the user's own robot, and
+    only if that is described as the run's.
+
+    Raises:
+        SpecError: If no robot of the name and the description is registered.
+    """
+    name = described.get("name")
+    if name in list_robots():  # it is a name alone, never a path
+        spec = find_spec(str(name))
+        if spec.model_dump(mode="json", by_alias=True) == described:
+            return spec
+    code = described["platform"].get("definition")
+    raise SpecError(
+        f"its platform is Python code, {code!r}, which the file does not hold; register the robot "
+        f"{name!r} with the description of the run, or, to run it again, name it with --robot FILE"
+    )
 
 
 def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:

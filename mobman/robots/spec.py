@@ -118,6 +118,12 @@ class RobotSpec(Strict):
     """The TOML that it was read from."""
 
     @property
+    def code(self) -> str:
+        """The Python class that its platform names, ``"file.py:Class"``; empty if it names none."""
+        given = self.platform.parameters.get("definition")
+        return str(given) if self.platform.type == "custom" else ""
+
+    @property
     def where(self) -> str:
         """What to call it in messages."""
         return f"robot {self.name!r}" + (f" ({self.file})" if self.file is not None else "")

@@ -73,7 +73,6 @@ class LiveRun:
         self._asked = threading.Event()
         self._whole: str | None = None
         self._like = _record(self._robot, controller, task, scenario, seed)
-        self._folder = robot.spec.folder
         self.scene = self._beginning(duration)
 
     def observe(self, t: float, q: Array, z: Array, torque: Array) -> None:
@@ -89,7 +88,7 @@ class LiveRun:
 
     def finish(self, record: Record) -> None:
         """The run has ended: from now on, the page is told all of it."""
-        scene = scene_of_runs([Run(record, record.controller, self._folder)])
+        scene = scene_of_runs([Run(record, record.controller, robot=self._robot)])
         run = scene.content["runs"][0]
         self._whole = json.dumps(
             {
@@ -126,7 +125,7 @@ class LiveRun:
         rest = np.tile(self._robot.q_rest, (len(t), 1))
         still = np.zeros((len(t), self._robot.nz))
         record = self._so_far(t, rest, still, still)
-        scene = scene_of_runs([Run(record, record.controller, self._folder)])
+        scene = scene_of_runs([Run(record, record.controller, robot=self._robot)])
         path = scene.content["runs"][0]["motion"]["desired"]
         first = self._so_far(t[:1], rest[:1], still[:1], still[:1])
         run = {

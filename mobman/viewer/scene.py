@@ -51,6 +51,8 @@ class Run:
     record: Record
     name: str
     folder: Path | None = None
+    robot: MobileManipulator | None = None
+    """The robot itself, where it is at hand."""
 
 
 def scene_of_robot(robot: MobileManipulator) -> Scene:
@@ -116,7 +118,9 @@ def scene_of_runs(
     names = labels([run.record for run in runs], [run.name for run in runs])
     for i, (run, label) in enumerate(zip(runs, names, strict=True)):
         record = run.record
-        robot, problem = robot_of_run(record, run.folder)
+        robot, problem = run.robot, ""
+        if robot is None:
+            robot, problem = robot_of_run(record, run.folder)
         place = None
         if robot is None:
             warnings.append(

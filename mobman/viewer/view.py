@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import html as html_text
 import os
 import sys
@@ -15,6 +16,8 @@ from typing import Any
 from mobman.errors import UsageError
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.platforms.types.custom import without_code
+from mobman.robots.catalogue import list_robots
 from mobman.robots.spec import RobotSpec
 from mobman.simulation.record import Record, load_record
 from mobman.viewer.document import document
@@ -215,8 +218,15 @@ def make_scene(
     if robots:
         if isinstance(robots[0], MobileManipulator):
             return scene_of_robot(robots[0])
-        return scene_of_robot(load_robot(robots[0]))
+        return scene_of_robot(_robot(robots[0]))
     return scene_of_runs(runs, layout=layout, time=time)
+
+
+def _robot(what: Any) -> MobileManipulator:
+    """A robot by name or description; of a file, whose origin is unknown, no code is run."""
+    named = isinstance(what, (RobotSpec, Mapping)) or os.fspath(what) in list_robots()
+    with contextlib.nullcontext() if named else without_code():
+        return load_robot(what)
 
 
 def _is_run(thing: Any) -> bool:

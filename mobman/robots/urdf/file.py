@@ -23,11 +23,13 @@ class UrdfFile:
         path: The file.
         package_folders: Folders that may hold a package NAME of ``package://NAME/...``.
         kept: Its content, where that is not read from disk: a run's record keeps it.
+        within: The folders that its meshes must lie in, apart from those of ROS; None for any.
     """
 
     path: Path
     package_folders: tuple[Path, ...]
     kept: bytes | None = field(default=None, repr=False)
+    within: tuple[Path, ...] | None = None
 
     @cached_property
     def content(self) -> bytes:
@@ -106,6 +108,8 @@ def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
     else:
         share = _share_folder(field, source.package)
         path = _resolved(share / source.package / "robots" / source.path, f"{field}.path'")
+        if not path.is_relative_to((share / source.package).resolve()):
+            raise SpecError(f"{field}.path': {source.path!r} leads outside {source.package}")
         packages += [share]
     if not os.path.exists(path):
         raise SpecError(f"{field}.path': there is no URDF at {path}")

@@ -13,7 +13,7 @@ from mobman.arrays import Array
 from mobman.errors import MobmanError, RecordError
 from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.robots.catalogue import as_spec, find_spec
+from mobman.robots.catalogue import as_spec, find_spec, list_robots, registered_as
 from mobman.robots.urdf.file import UrdfFile, UrdfSources, urdf_sources
 from mobman.simulation.arguments import plant_name
 from mobman.simulation.scenario import Scenario, load_scenario
@@ -67,13 +67,20 @@ def urdf_asked(robot: MobileManipulator, plant: GivenPlant) -> dict[str, bytes]:
     return kept
 
 
-def robot_again(spec: dict[str, Any], urdf: dict[str, bytes]) -> MobileManipulator:
+def robot_again(
+    spec: dict[str, Any], urdf: dict[str, bytes], given: MobileManipulator | None = None
+) -> MobileManipulator:
     """The nominal robot of a run, from its description and the URDFs in the record.
+
+    Args:
+        spec: The run as it was asked for.
+        urdf: The URDFs in the record.
+        given: The robot, where the caller has it.
 
     Raises:
         RecordError: If it cannot be built, or is not the one of the run.
     """
-    robot = _build(spec["robot"], urdf, "")
+    robot = _build(spec["robot"], urdf, "") if given is None else given
     _check(robot, spec, "robot")
     return robot
 
@@ -116,6 +123,8 @@ def changed_since(spec: dict[str, Any], urdf_sha256: str) -> str:
     robot of the name is registered."""
     name = spec["robot"]["name"]
     try:
+        if name not in list_robots():  # the name is from a file: it is no path
+            return ""
         now = find_spec(name)
         sources = urdf_sources(now)
         if sources.sha256() != urdf_sha256:
@@ -148,32 +157,15 @@ def _build(described: dict[str, Any], urdf: dict[str, bytes], prefix: str) -> Mo
     own = [key.removeprefix(prefix).split("/", 1) for key in urdf if key.startswith(prefix)]
     names = dict(sorted((int(i), name) for i, name in own if i.isdigit()))
     files = [UrdfFile(Path(name), (), urdf[f"{prefix}{i}/{name}"]) for i, name in names.items()]
-    folder = _folder(described)
     try:
-        spec = as_spec({**described, "folder": folder})
+        spec = as_spec({**described, "folder": Path(), "file": None})
+        if spec.code:
+            spec = registered_as(described)
         if len(files) != (spec.urdf is not None) + len(spec.mount):
             raise RecordError("its robot's URDFs are not all in the file")
         return build_robot(spec, UrdfSources(tuple(files)))
     except MobmanError as error:
         raise RecordError(f"its robot cannot be built: {error}") from error
-
-
-def _folder(described: dict[str, Any]) -> Path:
-    """Where the registered robot of that name is: code of its platform, if it has any, is there.
-
-    Raises:
-        RecordError: If there is such code and no such robot: none is looked for elsewhere.
-    """
-    try:
-        return find_spec(str(described.get("name"))).folder
-    except MobmanError:
-        code = str(described.get("platform", {}).get("definition", ""))
-        if ".py:" in code:
-            raise RecordError(
-                f"its platform is Python code, {code!r}, which the file does not hold; register the "
-                f"robot {described.get('name')!r}"
-            ) from None
-        return Path()
 
 
 def _check(robot: MobileManipulator, spec: dict[str, Any], role: str) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import json
+import re
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+_NUMBERS = re.compile(r"[<>|=]?[biuf][1248]")
 
 
 class NotPlainError(Exception):
@@ -74,6 +77,8 @@ def from_plain(plain: Any, allowed: Callable[[str], bool]) -> Any:
     if "dict" in plain:
         return {key: from_plain(item, allowed) for key, item in plain["dict"].items()}
     if "array" in plain:
+        if not _NUMBERS.fullmatch(str(plain["dtype"])):
+            raise NotPlainError(f"{plain['dtype']!r} is no type of numbers")
         return np.array(plain["array"], dtype=plain["dtype"])
     kind = _class(str(plain.get("class")), allowed)
     fields = {name: from_plain(item, allowed) for name, item in plain["fields"].items()}
@@ -96,4 +101,6 @@ def _class(name: str, allowed: Callable[[str], bool]) -> type[Any]:
         raise NotPlainError(f"there is no class {name!r} here: {error}") from error
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
         raise NotPlainError(f"{name!r} is no dataclass")
+    if found.__module__ != module:
+        raise NotPlainError(f"{name!r} is a class of {found.__module__}")
     return found

@@ -6,7 +6,9 @@ import hashlib
 import importlib
 import importlib.util
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
@@ -24,6 +26,19 @@ from mobman.toml_model import Strict, validate
 # derivative, is below rounding.
 _STEP, _WEIGHTS = 0.02, (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 _SECOND_STEP, _SECOND_WEIGHTS = 0.04, (8 / 5, -1 / 5, 8 / 315, -1 / 560)
+
+
+_no_code: ContextVar[bool] = ContextVar("no_code", default=False)
+
+
+@contextmanager
+def without_code() -> Iterator[None]:
+    """Refuse platforms that are Python code within a block that only looks at robots."""
+    token = _no_code.set(True)
+    try:
+        yield
+    finally:
+        _no_code.reset(token)
 
 
 class CustomParameters(Strict):
@@ -111,7 +126,12 @@ class Custom(Platform):
         """See :meth:`Platform.build`."""
         given = validate(CustomParameters, site.parameters, f"{site.origin}: [platform]")
         where = f"{site.origin}: field 'platform.definition' is {given.definition!r}"
-        made = _load(given.definition, site.folder, where)
+        if _no_code.get():
+            raise SpecError(
+                f"{where}: Python code, which runs when the robot is loaded for a run or a check, not "
+                "when it is only looked at"
+            )
+        made = load_code(given.definition, site.folder, where)
         try:
             definition = made(**given.options)
         except Exception as error:  # the user's code may raise anything
@@ -266,8 +286,13 @@ def _twice(function: Callable[[Array], Array], x: Array, direction: Array) -> Ar
     return result
 
 
-def _load(definition: str, folder: Path, where: str) -> Any:
-    """The class that a definition names.
+def load_code(definition: str, folder: Path, where: str) -> Any:
+    """Import what a definition of the user names.
+
+    Args:
+        definition: ``"file.py:NAME"`` or ``"package.module:NAME"``.
+        folder: What the file is relative to.
+        where: What to call it in messages.
 
     Raises:
         SpecError: If it cannot be imported.
