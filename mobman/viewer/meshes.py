@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import importlib.util
 import io
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mobman.arrays import Array, Index
-from mobman.errors import MobmanError
+from mobman.robots.urdf.mesh_vertices import MeshError, read_isolated, read_triangles
 from mobman.viewer.shapes import Colour, Mesh
 
 _COLOURED = {".dae", ".obj", ".gltf", ".glb", ".ply"}
 _SAME = 1e-3
 """How far bounds that should agree may differ, of their size."""
 _TEXTURE_PIXELS = 1024
-
-
-class MeshError(MobmanError):
-    """A mesh that cannot be drawn."""
 
 
 def can_read_colours() -> bool:
@@ -53,21 +49,32 @@ def read_mesh(
     Raises:
         MeshError: If it cannot be read, or has no triangle.
     """
-    try:
-        plain = _plain(path)
-        if coloured and path.suffix.lower() in _COLOURED and can_read_colours():
-            parts = _as_placed(_coloured(path), plain)
-        else:
-            parts = [plain]
-    except MeshError:
-        raise
-    except Exception as error:  # a broken file fails in as many ways as there are readers
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise MeshError(f"the mesh {path} cannot be read: {reason}") from error
+    plain = Mesh(*read_triangles(path))
+    _check(plain, path)
+    parts = [plain]
+    if coloured and path.suffix.lower() in _COLOURED and can_read_colours():
+        parts = [_as_mesh(part) for part in read_isolated(f"{__name__}:coloured_parts", path)]
+        for part in parts:
+            _check(part, path)
+        parts = _as_placed(parts, plain)
     parts = [part for part in (_tidied(part) for part in parts) if len(part.faces)]
     if not parts:
         raise MeshError(f"the mesh {path} has no triangles")
     return [_scaled(part, np.array(scale)) for part in parts]
+
+
+def _as_mesh(part: dict[str, Any]) -> Mesh:
+    colour = part["colour"]
+    return Mesh(**{**part, "colour": None if colour is None else tuple(colour)})
+
+
+def _check(mesh: Mesh, path: Path) -> None:
+    """
+    Raises:
+        MeshError: If a triangle has a corner that is not there.
+    """
+    if len(mesh.faces) and not 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices):
+        raise MeshError(f"the mesh {path} has a triangle with a corner that is not there")
 
 
 def reduced(mesh: Mesh, triangles: int) -> Mesh:
@@ -92,17 +99,9 @@ def reduced(mesh: Mesh, triangles: int) -> Mesh:
     return Mesh(np.asarray(points, dtype=float), np.asarray(corners, dtype=np.int64), colour=colour)
 
 
-def _plain(path: Path) -> Mesh:
-    """As Pinocchio reads it, without colours."""
-    import coal
-
-    model = coal.MeshLoader(coal.NODE_TYPE.BV_AABB).load(str(path), np.ones(3))
-    triangles = [model.tri_indices(i) for i in range(model.num_tris)]
-    faces = np.array([(t[0], t[1], t[2]) for t in triangles], dtype=np.int64).reshape(-1, 3)
-    return Mesh(np.array(model.vertices(), dtype=float), faces)
-
-
-def _coloured(path: Path) -> list[Mesh]:
+def coloured_parts(path: str) -> list[dict[str, Any]]:
+    """The fields of the parts of a mesh with their colours, read in this process by trimesh; files that
+    the mesh names are read in its own folder only."""
     import trimesh
 
     # vertices are not merged here: those with a place on a picture must stay apart
@@ -112,7 +111,8 @@ def _coloured(path: Path) -> list[Mesh]:
         transform, name = scene.graph[node]
         geometry = scene.geometry[name]
         if isinstance(geometry, trimesh.Trimesh):
-            parts.append(_part(geometry.copy().apply_transform(transform)))
+            part = _part(geometry.copy().apply_transform(transform))
+            parts.append({field.name: getattr(part, field.name) for field in fields(part)})
     return parts
 
 

@@ -107,6 +107,11 @@ def _located(
 def _locate(name: str, packages: Packages, folder: Path) -> tuple[Path | None, str]:
     """The file of a mesh, or why there is none."""
     path, problem = _find(name, packages, folder)
+    allowed = packages.within
+    if path is not None and allowed is not None:
+        place = path.resolve()
+        if not any(place.is_relative_to(other.resolve()) for other in allowed):
+            return None, "lies outside the folder of the run; register the robot to have it drawn"
     if path is not None and path.suffix.lower() not in FORMATS:
         kind = f"has the format {path.suffix!r}" if path.suffix else "has no format"
         return None, f"{kind}, which is not read; convert it to one of {', '.join(FORMATS)}"

@@ -26,10 +26,13 @@ class Packages:
 
     Attributes:
         folders: Where packages are looked for.
+        within: The folders that meshes must lie in; None for any.
     """
 
     def __init__(self, urdf: UrdfFile) -> None:
-        self.folders = _unique([*urdf.package_folders, *urdf.path.parents, *_of_ros()])
+        ros = _of_ros()
+        self.folders = _unique([*urdf.package_folders, *urdf.path.parents, *ros])
+        self.within = None if urdf.within is None else (*urdf.within, *ros)
         self._found: dict[str, list[Path]] = {}
 
     def of(self, name: str) -> list[Path]:
