@@ -26,6 +26,9 @@ bench: $(VENV)/installed ## set up, run the paper's suite, write results/paper a
 	$(COMPILE)
 	$(BIN)/mobman bench run $(SUITE) -o $(OUT)
 
+# The tests read and print UTF-8, whatever the locale
+test test-slow: export PYTHONUTF8 := 1
+
 test: lint ## set up with test extras, run lint, types and tests
 	$(COMPILE)
 	$(PYTEST)

@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     options.output.mkdir(parents=True, exist_ok=True)
     (options.output / "speed.json").write_text(json.dumps(result, indent=1) + "\n")
-    (options.output / "speed.md").write_text(page(result))
+    (options.output / "speed.md").write_text(page(result), encoding="utf-8")
     draw(result, options.output / "speed.svg")
     print(f"wrote {options.output / 'speed.md'}, speed.json, speed.svg")
     if options.update_baseline:
@@ -51,7 +51,9 @@ def main(arguments: list[str] | None = None) -> int:
         # the committed ratios and the numbers in the docs are of one measurement
         draw(result, DOCS / "images" / "speed.svg")
         document = DOCS / "speed.md"
-        document.write_text(numbers_into(document.read_text(), result, "images/speed.svg"))
+        text = document.read_text(encoding="utf-8")
+        written = numbers_into(text, result, "images/speed.svg")
+        document.write_text(written, encoding="utf-8")
         print(f"wrote {BASELINE} and {document}")
         return 0
     if options.quick:

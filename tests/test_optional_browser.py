@@ -81,7 +81,11 @@ def test_children_of_interruptible_tests_heed_sigint():
 
 
 def test_all_tests_that_send_sigint_are_interruptible():
-    sending = [path for path in ROOT.glob("tests/*/**/test_*.py") if "SIGINT" in path.read_text()]
+    sending = [
+        path
+        for path in ROOT.glob("tests/*/**/test_*.py")
+        if "SIGINT" in path.read_text(encoding="utf-8")
+    ]
     assert len(sending) >= 4
     for path in sending:
-        assert "interruptible" in path.read_text(), path
+        assert "interruptible" in path.read_text(encoding="utf-8"), path

@@ -102,7 +102,7 @@ def read_baseline(path: Path) -> dict[str, Any] | None:
     """What is kept; None if nothing is."""
     if not path.is_file():
         return None
-    kept: dict[str, Any] = json.loads(path.read_text())
+    kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return kept
 
 

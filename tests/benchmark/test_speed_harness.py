@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from itertools import count
 from pathlib import Path
@@ -205,14 +206,16 @@ def test_every_promise_with_a_number_is_judged(result):
 
 
 def test_docs_and_baseline_are_of_one_measurement():
-    found = json.loads(speed.BASELINE.read_text())["ratios"]["youbot tick_over_bare"]
-    document = (speed.DOCS / "speed.md").read_text()
+    found = json.loads(speed.BASELINE.read_text(encoding="utf-8"))["ratios"][
+        "youbot tick_over_bare"
+    ]
+    document = (speed.DOCS / "speed.md").read_text(encoding="utf-8")
     assert f"| (c)/(a) | {rounded_against(found, True)} [" in document
 
 
 def test_numbers_go_between_the_marks_of_a_document(result):
     """As the page has them, a heading lower; the text around them is left alone."""
-    document = (speed.DOCS / "speed.md").read_text()
+    document = (speed.DOCS / "speed.md").read_text(encoding="utf-8")
     written = numbers_into(document, result, "elsewhere.svg")
     assert "](elsewhere.svg)" in written
     assert "### Ratios" in written
@@ -231,7 +234,7 @@ def test_page_and_picture_have_what_was_measured_and_say_what_was_not(result, tm
     assert "final" not in text
     assert "none of these verdicts is final" in page({**result, "quick": True})
     draw(result, tmp_path / "speed.svg")
-    assert "(c) our tick" in (tmp_path / "speed.svg").read_text()
+    assert "(c) our tick" in (tmp_path / "speed.svg").read_text(encoding="utf-8")
     draw({"robots": {}, "growth": {}}, tmp_path / "empty.svg")
 
 
@@ -305,7 +308,7 @@ def test_exit_status_tells_a_pass_from_a_fail(result, tmp_path, monkeypatch, cap
     monkeypatch.setattr(speed, "BASELINE", tmp_path / "baseline.json")
     docs = tmp_path / "docs"
     (docs / "images").mkdir(parents=True)
-    (docs / "speed.md").write_text((speed.DOCS / "speed.md").read_text())
+    shutil.copy(speed.DOCS / "speed.md", docs)
     monkeypatch.setattr(speed, "DOCS", docs)
     arguments = ["-o", str(tmp_path / "out")]
     assert speed.main(arguments) == 0  # nothing to compare with
@@ -314,9 +317,11 @@ def test_exit_status_tells_a_pass_from_a_fail(result, tmp_path, monkeypatch, cap
     result["growth"]["joints"]["exponent"]["larger half"] = 3.0
     assert speed.main(arguments) == 1
     assert "WORSE" in capsys.readouterr().out
-    assert "a processor" in (docs / "speed.md").read_text()  # written with the baseline
+    assert "a processor" in (docs / "speed.md").read_text(
+        encoding="utf-8"
+    )  # written with the baseline
     assert (docs / "images" / "speed.svg").exists()
-    assert json.loads((tmp_path / "out" / "speed.json").read_text()) == result
+    assert json.loads((tmp_path / "out" / "speed.json").read_text(encoding="utf-8")) == result
 
 
 # Chains ----------------------------------------------------------------------------------------

@@ -141,7 +141,7 @@ def _plain(text: str) -> str:
 
 
 def _prose(page: Path) -> str:
-    return FENCE.sub("", page.read_text())
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
 
 
 def _anchors(page: Path) -> set[str]:
@@ -152,7 +152,7 @@ def _anchors(page: Path) -> set[str]:
 
 def _first_cells(page: Path, heading: str) -> list[str]:
     """The names in backquotes in the first column of the tables under a heading."""
-    section = page.read_text().split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    section = page.read_text(encoding="utf-8").split(f"\n## {heading}\n")[1].split("\n## ")[0]
     return re.findall(r"^\| `([^`]+)` \|", section, re.MULTILINE)
 
 
@@ -178,12 +178,12 @@ def test_examples_run(page, tmp_path):
     """
     if page.stem == "results":
         _small_results(tmp_path / "results" / "paper")
-    text = page.read_text()
+    text = page.read_text(encoding="utf-8")
     script = ""
     for block in PYTHON.finditer(text):  # each on the lines that it has in the page
         before = text[: block.start(1)].count("\n")
         script += "\n" * (before - script.count("\n")) + block.group(1)
-    (tmp_path / f"{page.stem}_examples.py").write_text(script)
+    (tmp_path / f"{page.stem}_examples.py").write_text(script, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, f"{page.stem}_examples.py"],
         cwd=tmp_path,
@@ -197,7 +197,7 @@ def test_examples_run(page, tmp_path):
 
 @pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: page.stem)
 def test_generated_tables_are_the_codes(page):
-    for _, title, content, _ in TABLE.findall(page.read_text()):
+    for _, title, content, _ in TABLE.findall(page.read_text(encoding="utf-8")):
         assert content == generated(title), (
             f"{page.name}: the table {title!r} is not what the code says; "
             "python tests/docs/test_docs.py writes it anew"
@@ -205,7 +205,7 @@ def test_generated_tables_are_the_codes(page):
 
 
 def test_every_law_has_its_table_of_gains():
-    text = (DOCS / "controllers.md").read_text()
+    text = (DOCS / "controllers.md").read_text(encoding="utf-8")
     titles = [title for _, title, _, _ in TABLE.findall(text)]
     documented = [name for title in titles for name in title.removeprefix("gains of ").split()]
     assert sorted(documented) == OWN_CONTROLLERS
@@ -213,7 +213,7 @@ def test_every_law_has_its_table_of_gains():
 
 
 def test_every_metric_is_explained():
-    text = (DOCS / "metrics.md").read_text()
+    text = (DOCS / "metrics.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([^`]+)` \| ([^|]+?) \| ([^|]+?) \|", text, re.MULTILINE)
     metrics = list_metrics()
     assert sorted(name for name, _, _ in rows) == [metric.name for metric in metrics]
@@ -222,7 +222,7 @@ def test_every_metric_is_explained():
 
 
 def test_every_field_of_every_platform_type_is_explained():
-    page = (DOCS / "platforms.md").read_text()
+    page = (DOCS / "platforms.md").read_text(encoding="utf-8")
     general = {"heading", "body"}
     numbers = page.split("\n## By numbers\n")[1]
     for name in platforms.names():
@@ -259,8 +259,9 @@ def test_links_lead_somewhere(page):
 def write_tables() -> None:
     """Write the generated tables of all pages anew."""
     for page in (*PAGES, README):
-        text = page.read_text()
-        page.write_text(TABLE.sub(lambda found: found[1] + generated(found[2]) + found[4], text))
+        text = page.read_text(encoding="utf-8")
+        written = TABLE.sub(lambda found: found[1] + generated(found[2]) + found[4], text)
+        page.write_text(written, encoding="utf-8")
 
 
 if __name__ == "__main__":
