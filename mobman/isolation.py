@@ -182,7 +182,8 @@ def _limited(seconds: float, megabytes: float) -> Any:
     if before[1] != resource.RLIM_INFINITY:
         most = min(most, before[1])
     signal.setitimer(signal.ITIMER_PROF, seconds)
-    resource.setrlimit(resource.RLIMIT_AS, (most, before[1]))
+    with contextlib.suppress(ValueError, OSError):  # not every system has this limit
+        resource.setrlimit(resource.RLIMIT_AS, (most, before[1]))
     try:
         yield
     finally:

@@ -6,6 +6,7 @@ import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf.file import UrdfSources, urdf_sources
 from mobman.robots.urdf.flat import LINK, flat_urdf
+from mobman.robots.urdf.mesh_vertices import MeshError, read_triangles
 
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
 
@@ -87,7 +89,13 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
     """
     spec, where = robot.spec, robot.spec.where
     assembly = Assembly(spec, robot.urdf)
-    xml = _flat(assembly.with_meshes(), where, robot.platform)
+    element = assembly.with_meshes()
+    try:
+        for name in {str(mesh.get("filename")) for mesh in element.iter("mesh")}:
+            read_triangles(Path(name))  # elsewhere, since a damaged one may end the process
+    except MeshError as error:
+        raise SpecError(f"{where}: geometry of {robot.urdf}: {error}") from error
+    xml = _flat(element, where, robot.platform)
     tree = _parse(spec, xml)
     models = []
     for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
@@ -205,7 +213,8 @@ def _checked(robot: MobileManipulator) -> MobileManipulator:
         raise SpecError(
             f"{where}: field 'arm.tip' is {robot.tip!r}, which no joint of the arm moves"
         )
-    inertia = robot.reduced_inertia(robot.q_rest)
+    with np.errstate(all="ignore"):  # what overflows is found by its result
+        inertia = robot.reduced_inertia(robot.q_rest)
     if not np.all(np.isfinite(inertia)):
         raise SpecError(
             f"{where}: the reduced inertia M is not finite; check <inertial> in {robot.urdf}"

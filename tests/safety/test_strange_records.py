@@ -155,7 +155,7 @@ def test_control_characters_do_not_reach_the_terminal(craft, looked_at):
 
 
 def _report(mobman, harmless, folder):
-    done = mobman("bench", "report", folder, "--latex", folder / "latex")
+    done = mobman("bench", "report", folder, "--replays", "--latex", folder / "latex")
     assert done.status == 0, done.err
     files = [path for path in folder.rglob("*") if path.suffix in (".html", ".md", ".csv", ".tex")]
     texts = {path.name: path.read_text(encoding="utf-8") for path in files}
