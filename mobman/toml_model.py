@@ -8,8 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
+from mobman.arrays import SIZES, beyond_sizes
 from mobman.errors import SpecError, UnknownNameError
 from mobman.input_file import read_input
 
@@ -20,6 +21,13 @@ class Strict(BaseModel):
     """Base of all descriptions: unknown fields are errors, values do not change once read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _of_a_size(cls, value: Any) -> Any:
+        if beyond_sizes(value):
+            raise ValueError(f"must be {SIZES}")
+        return value
 
 
 M = TypeVar("M", bound=BaseModel)

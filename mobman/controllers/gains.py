@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mobman.arrays import Array
+from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import GainError
 
 Auto = Literal["auto"]
@@ -134,10 +134,12 @@ def _number(gains: Any, name: str) -> float:
 def _numbers(name: str, value: Any) -> Array:
     try:
         numbers = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = np.array(np.nan)
     entries = np.ravel(np.asarray(value, dtype=object))
     plain = not any(isinstance(entry, (bool, np.bool_, str)) for entry in entries)
     if not plain or numbers.size == 0 or not np.all(np.isfinite(numbers)):
         raise GainError(f"{name} = {value!r}: must be a finite number, or a list of them")
+    if beyond_sizes(numbers):
+        raise GainError(f"{name} = {value!r}: must be {SIZES}")
     return numbers

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from mobman.arrays import Array
+from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import ModelError, UsageError
 from mobman.kernels.program import Program, program
 from mobman.model.limits import Limits, limits
@@ -71,7 +71,8 @@ class MobileManipulator:
     :math:`z = (\alpha, \dot y)` with :math:`\dot q = C z` (9). SI units: m, rad, kg, N, N m.
 
     Robots are made by :func:`mobman.load_robot`. Threads may share one: what its methods compute in
-    is each thread's own.
+    is each thread's own. Vectors are arrays or lists; methods raise UsageError if one has another shape
+    than is said, or not only finite numbers.
 
     Attributes:
         name: The robot's name.
@@ -164,14 +165,13 @@ class MobileManipulator:
             UsageError: If it is not a configuration of this robot.
         """
         try:
-            configuration = np.array(q, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise UsageError(f"q0 = {q!r}: must be {self.nq} numbers") from error
-        if configuration.shape != (self.nq,) or not np.all(np.isfinite(configuration)):
+            configuration = _vector("q0", q, self.nq).copy()
+            if beyond_sizes(configuration):
+                raise UsageError(f"q0 = {configuration.tolist()}: every entry must be {SIZES}")
+        except UsageError as error:
             raise UsageError(
-                f"q0 has shape {configuration.shape}; robot {self.name!r} needs {self.nq} finite "
-                f"numbers, in the order {', '.join(self.joint_names)}"
-            )
+                f"{error}; robot {self.name!r}: the order is {', '.join(self.joint_names)}"
+            ) from error
         return configuration
 
     @property
@@ -188,12 +188,14 @@ class MobileManipulator:
 
     def constraint_matrix(self, q: Array) -> Array:
         """[A(x) 0] of (1) and (16) in q's order, shape (k, nq)."""
+        x = _vector("q", q, self.nq)[self.platform_index]
         matrix = np.zeros((self.k, self.nq))
-        matrix[:, self.platform_index] = self.platform.constraint_matrix(q[self.platform_index])
+        matrix[:, self.platform_index] = self.platform.constraint_matrix(x)
         return matrix
 
     def constraint_matrix_rate(self, q: Array, q_dot: Array) -> Array:
         """d/dt of :meth:`constraint_matrix` along q', shape (k, nq)."""
+        q, q_dot = _vector("q", q, self.nq), _vector("q_dot", q_dot, self.nq)
         rate = np.zeros((self.k, self.nq))
         index = self.platform_index
         rate[:, index] = self.platform.constraint_matrix_rate(q[index], q_dot[index])
@@ -201,6 +203,7 @@ class MobileManipulator:
 
     def constraint_hessian(self, q: Array, multiplier: Array) -> Array:
         """d([A 0]^T lam)/dq at fixed lam of shape (k,), shape (nq, nq)."""
+        q, multiplier = _vector("q", q, self.nq), _vector("multiplier", multiplier, self.k)
         hessian = np.zeros((self.nq, self.nq))
         hessian[np.ix_(self.platform_index, self.platform_index)] = (
             self.platform.constraint_hessian(q[self.platform_index], multiplier)
@@ -209,6 +212,8 @@ class MobileManipulator:
 
     def constraint_hessian_rate(self, q: Array, q_dot: Array, multiplier: Array) -> Array:
         """d/dt of :meth:`constraint_hessian` along q' at fixed lam, shape (nq, nq)."""
+        q, q_dot = _vector("q", q, self.nq), _vector("q_dot", q_dot, self.nq)
+        multiplier = _vector("multiplier", multiplier, self.k)
         rate = np.zeros((self.nq, self.nq))
         index = self.platform_index
         rate[np.ix_(index, index)] = self.platform.constraint_hessian_rate(
@@ -218,18 +223,18 @@ class MobileManipulator:
 
     def velocity_map(self, q: Array) -> Array:
         """C(q) = blkdiag(N, I) of (9), q' = C z, shape (nq, nz)."""
+        x = _vector("q", q, self.nq)[self.platform_index]
         c = np.zeros((self.nq, self.nz))
         c[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
-        c[np.ix_(self.platform_index, np.arange(self.n_alpha))] = self.platform.velocity_map(
-            q[self.platform_index]
-        )
+        c[np.ix_(self.platform_index, np.arange(self.n_alpha))] = self.platform.velocity_map(x)
         return c
 
     def velocity_map_rate(self, q: Array, z: Array) -> Array:
         """dC/dt along q' = C z, shape (nq, nz)."""
+        x = _vector("q", q, self.nq)[self.platform_index]
+        alpha = _vector("z", z, self.nz)[: self.n_alpha]
         rate = np.zeros((self.nq, self.nz))
-        x = q[self.platform_index]
-        x_dot = self.platform.velocity_map(x) @ z[: self.n_alpha]
+        x_dot = self.platform.velocity_map(x) @ alpha
         rate[np.ix_(self.platform_index, np.arange(self.n_alpha))] = (
             self.platform.velocity_map_rate(x, x_dot)
         )
@@ -244,15 +249,15 @@ class MobileManipulator:
 
     def actuation(self, q: Array) -> Array:
         """B'(q) of (16): the generalised forces that each command makes, shape (nq, nz)."""
+        x = _vector("q", q, self.nq)[self.platform_index]
         matrix = np.zeros((self.nq, self.nz))
         matrix[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
-        matrix[np.ix_(self.platform_index, np.arange(self.n_alpha))] = self.platform.actuation(
-            q[self.platform_index]
-        )
+        matrix[np.ix_(self.platform_index, np.arange(self.n_alpha))] = self.platform.actuation(x)
         return matrix
 
     def reduced_inertia(self, q: Array) -> Array:
         """M = C^T M' C of (17) by itself, shape (nz, nz); :meth:`dynamics` is for many calls."""
+        q = _vector("q", q, self.nq)
         upper = np.triu(pin.crba(self.model, self.data, q))
         c = self.velocity_map(q)
         reduced: Array = c.T @ (upper + np.triu(upper, 1).T) @ c
@@ -277,7 +282,8 @@ class MobileManipulator:
 
     def energy(self, q: Array, z: Array) -> float:
         """Kinetic plus potential energy (J)."""
-        q_dot = self.velocity_map(q) @ z
+        q = _vector("q", q, self.nq)
+        q_dot = self.velocity_map(q) @ _vector("z", z, self.nz)
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, q_dot)
         return float(kinetic + pin.computePotentialEnergy(self.model, self.data, q))
 
@@ -285,12 +291,13 @@ class MobileManipulator:
 
     def tip_pose(self, q: Array) -> pin.SE3:
         """Placement of the tip frame in the world."""
+        q = _vector("q", q, self.nq)
         pin.forwardKinematics(self.model, self.data, q)
         return pin.updateFramePlacement(self.model, self.data, self.tip_frame).copy()
 
     def arm_origin(self, q: Array) -> Array:
         """Where the first joint is that moves the tip and is not the platform's (m), shape (3,)."""
-        pin.forwardKinematics(self.model, self.data, q)
+        pin.forwardKinematics(self.model, self.data, _vector("q", q, self.nq))
         chain = self.model.supports[self.model.frames[self.tip_frame].parentJoint]
         first = next(i for i in chain if self.model.joints[i].idx_q in self.arm_index)
         return np.array(self.data.oMi[first].translation)
@@ -298,7 +305,9 @@ class MobileManipulator:
     def tip_jacobian(self, q: Array) -> Array:
         """Jacobian of the tip in world axes, linear rows first, shape (6, nq)."""
         return np.array(
-            pin.computeFrameJacobian(self.model, self.data, q, self.tip_frame, _WORLD_AXES)
+            pin.computeFrameJacobian(
+                self.model, self.data, _vector("q", q, self.nq), self.tip_frame, _WORLD_AXES
+            )
         )
 
     def tip_kinematics(self, q: Array, z: Array) -> TipKinematics:
@@ -329,10 +338,27 @@ class MobileManipulator:
     def _at(self, q: Array, z: Array) -> Workspace:
         """This thread's own workspace at (q, z), its velocity terms computed."""
         own = self._own
-        own.workspace.q[:] = q
-        own.workspace.z[:] = z
+        own.workspace.q[:] = _vector("q", q, self.nq)
+        own.workspace.z[:] = _vector("z", z, self.nz)
         own.velocity()
         return own.workspace
+
+
+def _vector(name: str, value: Any, length: int) -> Array:
+    """A vector that was given, as an array of floats.
+
+    Raises:
+        UsageError: If it has another shape, or not only finite numbers.
+    """
+    try:
+        vector = np.asarray(value, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise UsageError(f"{name} = {value!r}; needed: {length} numbers") from error
+    if vector.shape != (length,):
+        raise UsageError(f"{name} has shape {vector.shape}; needed: ({length},)")
+    if not np.isfinite(vector).all():
+        raise UsageError(f"{name} = {vector.tolist()}; needed: {length} finite numbers")
+    return vector
 
 
 class _Own:

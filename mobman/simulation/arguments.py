@@ -7,6 +7,7 @@ import os
 
 import numpy as np
 
+from mobman.arrays import LARGEST, SMALLEST
 from mobman.controllers.protocol import Controller, make_controller
 from mobman.errors import UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -14,7 +15,8 @@ from mobman.model.task_map import TaskMap
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.task import Task, task_map_of
 
-_MOST_TICKS = 10_000_000  # a record of so many fits in memory
+_MOST_TICKS = 10_000_000  # a run keeps some 50 numbers of 8 bytes a tick: 4 GB
+_LONGEST = 1e6  # s: in integration steps of at most 1 ms some hours of computing
 
 
 def resolved_controller(controller: Controller | str) -> Controller:
@@ -40,6 +42,8 @@ def whole_ticks(duration: float, dt: float) -> int:
     Raises:
         UsageError: If there is none, or there are too many.
     """
+    if duration > _LONGEST:
+        raise UsageError(f"duration = {duration:g} s; allowed: up to {_LONGEST:g} s")
     ticks = round(duration / dt)
     if not 1 <= ticks <= _MOST_TICKS:
         raise UsageError(
@@ -64,14 +68,16 @@ def seconds(name: str, value: float) -> float:
     """A duration as a float.
 
     Raises:
-        UsageError: If it is no number above 0.
+        UsageError: If it is not a number above 0, or of a size that is not allowed.
     """
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
-    if isinstance(value, str) or not (math.isfinite(number) and number > 0.0):
-        raise UsageError(f"{name} = {value!r}: must be a number above 0 (s)")
+    if isinstance(value, str) or not SMALLEST <= number <= LARGEST:
+        raise UsageError(
+            f"{name} = {value!r}: must be a number above 0, from {SMALLEST:g} to {LARGEST:g} s"
+        )
     return number
 
 

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from mobman.arrays import SIZES, beyond_sizes
 from mobman.errors import UsageError
 
 _NO_DEFAULT = inspect.Parameter.empty
@@ -100,6 +101,9 @@ def check(task: str, factory: Callable[..., Any], given: Mapping[str, Any]) -> d
                 checked[name] = _adapter(allowed[name].annotation).validate_python(value)
             except ValidationError as error:
                 problems.append(_wrong(allowed[name], value, error))
+                continue
+            if beyond_sizes(checked[name]):
+                problems.append(_refused(allowed[name], value, f"must be {SIZES}"))
         elif anything:
             checked[name] = value
         else:
@@ -146,15 +150,19 @@ def _adapter(annotation: Any) -> TypeAdapter[Any]:
 
 
 def _wrong(item: Parameter, value: Any, error: ValidationError) -> str:
-    text = repr(value)
-    text = text if len(text) <= 60 else text[:57] + "..."
     reasons = [
         reason["msg"].removeprefix("Value error, ")
         + "".join(f" (entry {part})" for part in reason["loc"] if isinstance(part, int))
         for reason in error.errors()
     ]
+    return _refused(item, value, ", ".join(dict.fromkeys(reasons)))
+
+
+def _refused(item: Parameter, value: Any, reason: str) -> str:
+    text = repr(value)
+    text = text if len(text) <= 60 else text[:57] + "..."
     unit = f" ({item.unit})" if item.unit not in ("", "1") else ""
-    return f"parameter {item.name!r}{unit} is {text}: {', '.join(dict.fromkeys(reasons))}"
+    return f"parameter {item.name!r}{unit} is {text}: {reason}"
 
 
 def _unknown(name: str, allowed: list[str]) -> str:

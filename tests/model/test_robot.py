@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from mobman.errors import ModelError
+from mobman.errors import ModelError, UsageError
 
 
 def test_coordinates_are_flat(robot):
@@ -112,3 +114,73 @@ def test_repr_says_which_robot(youbot):
 def test_model_of_other_joints_is_refused(youbot, tiago):
     with pytest.raises(ModelError, match="other joints"):
         youbot.with_model(tiago.model)
+
+
+METHODS = {
+    "constraint_matrix": ("q",),
+    "constraint_matrix_rate": ("q", "q_dot"),
+    "constraint_hessian": ("q", "multiplier"),
+    "constraint_hessian_rate": ("q", "q_dot", "multiplier"),
+    "velocity_map": ("q",),
+    "velocity_map_rate": ("q", "z"),
+    "velocity": ("q", "z"),
+    "actuation": ("q",),
+    "reduced_inertia": ("q",),
+    "dynamics": ("q", "z"),
+    "motor_inertia": ("q",),
+    "energy": ("q", "z"),
+    "tip_pose": ("q",),
+    "arm_origin": ("q",),
+    "tip_jacobian": ("q",),
+    "tip_kinematics": ("q", "z"),
+}
+LENGTHS = {"q": 8, "q_dot": 8, "z": 5, "multiplier": 3}
+
+
+def vectors(names):
+    return [np.full(LENGTHS[name], 0.1) for name in names]
+
+
+@pytest.mark.parametrize(("method", "names"), METHODS.items())
+def test_methods_take_lists_as_arrays(youbot, method, names):
+    def flat(result):
+        return np.hstack(
+            [
+                np.ravel(np.array(part))
+                for part in (result if isinstance(result, tuple) else [result])
+            ]
+        )
+
+    arrays = vectors(names)
+    function = getattr(youbot, method)
+    expected = flat(function(*arrays))
+    assert np.array_equal(flat(function(*(vector.tolist() for vector in arrays))), expected)
+
+
+@pytest.mark.parametrize(("method", "names"), METHODS.items())
+def test_methods_refuse_vectors_that_do_not_fit(youbot, method, names):
+    for i, name in enumerate(names):
+        n = LENGTHS[name]
+        for wrong, reason in (
+            (np.zeros(n + 1), rf"^{name} has shape \({n + 1},\); needed: \({n},\)$"),
+            (np.zeros((n, 1)), rf"^{name} has shape \({n}, 1\); needed: \({n},\)$"),
+            (0.0, rf"^{name} has shape \(\); needed: \({n},\)$"),
+            (np.full(n, np.nan), rf"^{name} = \[nan, .*; needed: {n} finite numbers$"),
+            ("abc", rf"^{name} = 'abc'; needed: {n} numbers$"),
+            (None, rf"^{name} "),
+        ):
+            arguments = vectors(names)
+            arguments[i] = wrong
+            with pytest.raises(UsageError, match=reason):
+                getattr(youbot, method)(*arguments)
+
+
+def test_every_method_that_takes_a_vector_is_in_the_list(robot):
+    found = {
+        name
+        for name, item in vars(type(robot)).items()
+        if inspect.isfunction(item)
+        and not name.startswith("_")
+        and {"q", "z"} & set(inspect.signature(item).parameters)
+    }
+    assert found - {"checked_configuration"} == set(METHODS)

@@ -47,14 +47,43 @@ def test_times_must_be_positive_numbers(option, value):
         _still(**{option: value})
 
 
+@pytest.mark.parametrize("value", [5e-324, 1e300, 1e308, 10**400])
+@pytest.mark.parametrize("option", ["duration", "dt", "observe_every"])
+def test_times_must_be_of_a_size(option, value):
+    with pytest.raises(UsageError, match=rf"{option} = .*from 1e-30 to 1e\+15 s"):
+        _still(**{option: value})
+
+
+@pytest.mark.parametrize(
+    ("duration", "dt", "reason"),
+    [
+        (1e5, 1e-3, r"1e\+08 ticks; allowed: 1 to 1e\+07"),
+        (1e6, 1e-30, r"1e\+36 ticks; allowed: 1 to 1e\+07"),
+        (1e15, 1e14, r"duration = 1e\+15 s; allowed: up to 1e\+06 s"),
+    ],
+)
+def test_runs_that_are_too_long_are_refused(duration, dt, reason):
+    with pytest.raises(UsageError, match=reason):
+        _still(duration=duration, dt=dt)
+
+
 def test_run_must_last_a_period():
     with pytest.raises(UsageError, match=r"duration = 0\.01 s at dt = 0\.1 s is 0\.1 ticks"):
         _still(dt=0.1)
 
 
-@pytest.mark.parametrize("q0", [np.zeros(7), np.zeros((8, 1)), np.full(8, np.nan)])
-def test_start_must_fit_the_robot(q0):
-    with pytest.raises(UsageError, match=r"q0 has shape .*needs 8 finite numbers.*base_x"):
+@pytest.mark.parametrize(
+    ("q0", "reason"),
+    [
+        (np.zeros(7), r"has shape \(7,\); needed: \(8,\)"),
+        (np.zeros((8, 1)), r"has shape \(8, 1\); needed: \(8,\)"),
+        (np.full(8, np.nan), r"= \[nan, .*; needed: 8 finite numbers"),
+        (np.full(8, 1e300), r"= \[1e\+300, .*must be 0, or of a size from 1e-30 to 1e\+15"),
+        ("rest", "= 'rest'; needed: 8 numbers"),
+    ],
+)
+def test_start_must_fit_the_robot(q0, reason):
+    with pytest.raises(UsageError, match=f"q0 {reason}.*'youbot': the order is base_x, base_y"):
         _still(q0=q0)
 
 

@@ -90,4 +90,5 @@ def list_metrics() -> list[Metric]:
 
 def compute_metrics(run: Run) -> dict[str, float]:
     """Every metric of a run."""
-    return {item.name: float(item.function(run)) for item in list_metrics()}
+    with np.errstate(all="ignore"):  # of a run that diverged some are infinite
+        return {item.name: float(item.function(run)) for item in list_metrics()}

@@ -24,7 +24,8 @@ class Growing(Amplitude):
     def start(self, inertia: Array, random: np.random.Generator) -> Torque:
         """See :class:`Disturbance`."""
         torque = self.torques(inertia) * random.choice([-1.0, 1.0], len(inertia))
-        return lambda t: torque * (t / self.time) ** self.power
+        # NumPy's power is infinite where Python's is an error
+        return lambda t: torque * np.float64(t / self.time) ** self.power
 
 
 disturbances.register("growing", Growing)
