@@ -117,3 +117,9 @@ def test_explicit_discretisation_looks_at_the_start_of_the_tick_alone():
     s, anything = np.array([3.0, -4.0]), np.array([7.0, 7.0])
     n = sampled_unit_vector("explicit", 0.0, s, anything, np.eye(2), np.eye(2))
     assert np.allclose(n, [0.6, -0.8])
+
+
+def test_no_control_and_nothing_to_control():
+    """K has lost its rank and s is 0: any n does, and 0 is taken."""
+    n = implicit_unit_vector(np.eye(3), np.zeros((3, 3)), np.zeros(3))
+    assert n.tolist() == [0.0, 0.0, 0.0]
