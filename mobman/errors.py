@@ -5,6 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+FOREIGN_ERRORS = (Exception, SystemExit)
+"""What code that is not mobman's may raise: a plugin or a user's class may call ``sys.exit``."""
+
 
 class MobmanError(Exception):
     """Base class of every error that mobman raises on purpose.

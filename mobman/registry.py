@@ -9,7 +9,7 @@ import warnings
 from importlib.metadata import entry_points
 from typing import Generic, TypeVar
 
-from mobman.errors import UnknownNameError
+from mobman.errors import FOREIGN_ERRORS, UnknownNameError
 
 T = TypeVar("T")
 
@@ -66,9 +66,9 @@ class Registry(Generic[T]):
         if name not in self._items and name in (plugins := self._plugins()):
             try:
                 self._items[name] = plugins[name].load()
-            except Exception as error:  # another package's fault must not take mobman down
+            except FOREIGN_ERRORS as error:  # another package's fault must not take mobman down
                 warnings.warn(
-                    f"{self.kind} {name!r} of {plugins[name].value} is left out: {error}",
+                    f"{self.kind} {name!r} of {plugins[name].value} is left out: {error!r}",
                     stacklevel=2,
                 )
         if name not in self._items:

@@ -16,6 +16,16 @@ from mobman.registry import Registry
 THING = object()
 
 
+class Ends:
+    """What is imported by looking for an attribute ends the process."""
+
+    def __getattr__(self, name):
+        raise {"leaves": SystemExit(3), "stops": KeyboardInterrupt}[name]
+
+
+ENDS = Ends()
+
+
 @pytest.fixture
 def things():
     return Registry("thing", "mobman.tasks.trajectories", "mobman.test_things")
@@ -26,6 +36,8 @@ def plugins(monkeypatch):
     points = [
         EntryPoint("good", f"{__name__}:THING", "mobman.test_things"),
         EntryPoint("broken", "no_such_package:thing", "mobman.test_things"),
+        EntryPoint("leaves", f"{__name__}:ENDS.leaves", "mobman.test_things"),
+        EntryPoint("stops", f"{__name__}:ENDS.stops", "mobman.test_things"),
     ]
     monkeypatch.setattr(
         registry, "entry_points", lambda group: points if group == "mobman.test_things" else []
@@ -72,7 +84,7 @@ def test_empty_registry_says_so(things):
 @pytest.mark.usefixtures("plugins")
 def test_thing_of_another_package(things):
     things.register("own", 1)
-    assert things.names() == ["broken", "good", "own"]
+    assert things.names() == ["broken", "good", "leaves", "own", "stops"]
     assert things.get("good") is THING
 
 
@@ -85,6 +97,17 @@ def test_broken_package_is_left_out_with_a_warning(things):
         things.get("broken")
     assert "did you mean 'broken'" not in str(caught.value)
     assert things.get("good") is THING
+
+
+@pytest.mark.usefixtures("plugins")
+def test_package_that_ends_the_process_is_left_out_with_a_warning(things):
+    with (
+        pytest.warns(UserWarning, match=r"thing 'leaves' of .* is left out: SystemExit\(3\)"),
+        pytest.raises(UnknownNameError),
+    ):
+        things.get("leaves")
+    with pytest.raises(KeyboardInterrupt):
+        things.get("stops")
 
 
 def test_threads_that_look_at_once_all_find_everything(tmp_path, monkeypatch):

@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 from mobman.checks.check import Check, Finding, checks, list_checks
 from mobman.checks.subject import Subject
+from mobman.errors import FOREIGN_ERRORS
 from mobman.model.mobile_manipulator import MobileManipulator
 
 
@@ -36,7 +37,7 @@ def _findings(item: Check, subject: Subject) -> list[Finding]:
     try:
         for remark in item.function(subject):
             found.append(Finding(item.name, *remark))
-    except Exception as error:  # what breaks one check must not hide what the others find
+    except FOREIGN_ERRORS as error:  # what breaks one check must not hide what the others find
         text = " ".join(str(error).split()) or "no message"
         found.append(
             Finding(

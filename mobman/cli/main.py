@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import traceback
 import warnings
 
 import click
@@ -69,9 +70,9 @@ def main() -> None:
         sys.exit(0)
     except OSError as error:
         _fail(str(error), 1)
-    except Exception as error:
+    except BaseException as error:  # a plugin may raise anything, also SystemExit
         if os.environ.get("MOBMAN_DEBUG"):
-            raise
+            traceback.print_exc()
         _fail(
             f"internal error: {type(error).__name__}: {error} (set MOBMAN_DEBUG=1 for the traceback)",
             1,

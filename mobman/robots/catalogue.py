@@ -11,7 +11,7 @@ from typing import Any
 
 import platformdirs
 
-from mobman.errors import SpecError, UnknownNameError, UsageError
+from mobman.errors import FOREIGN_ERRORS, SpecError, UnknownNameError, UsageError
 from mobman.resources import resource_folder
 from mobman.robots.spec import RobotSpec, read_spec
 from mobman.toml_model import validate
@@ -145,9 +145,9 @@ def _load_plugin(point: EntryPoint) -> RobotSpec | None:
         try:
             found = point.load()
             _loaded[point] = as_spec(found() if callable(found) else found)
-        except Exception as error:  # another package's fault must not take mobman down
+        except FOREIGN_ERRORS as error:  # another package's fault must not take mobman down
             warnings.warn(
-                f"robot {point.name!r} of {point.value} is left out: {error}", stacklevel=3
+                f"robot {point.name!r} of {point.value} is left out: {error!r}", stacklevel=3
             )
             _loaded[point] = None
     return _loaded[point]

@@ -10,7 +10,7 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.controllers.protocol import Controller
-from mobman.errors import SingularityError, UsageError
+from mobman.errors import MobmanError, SingularityError, UsageError
 from mobman.kernels.program import Call, call, program
 from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian
@@ -112,6 +112,7 @@ class Loop:
 
         Raises:
             UsageError: If the controller's torque or signals are not what they must be.
+            MobmanError: If the controller, or other code of the user, calls ``sys.exit``.
         """
         samples = self.samples
         try:
@@ -122,6 +123,11 @@ class Loop:
         except (SingularityError, np.linalg.LinAlgError) as error:
             samples.status = "singular"
             samples.message = f"at t = {self._tick[0] * self.dt:.6g} s: {error}"
+        except SystemExit as error:
+            raise MobmanError(
+                f"at t = {self._tick[0] * self.dt:.6g} s: the code of the controller, the task or the "
+                f"platform called sys.exit (SystemExit: {error})"
+            ) from error
         samples.work = self._integrator.work
         if self._progress is not None:
             self._progress(1.0)

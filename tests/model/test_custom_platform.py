@@ -90,6 +90,40 @@ class WheelsWithoutRadius(Paper):
 
 class WheelsElsewhere(Paper):
     wheels = [("phi_9", 0.1)]
+
+
+class LeavesWhenCalled(Paper):
+    def __init__(self):
+        raise SystemExit(3)
+
+
+class LeavesInAProperty(Paper):
+    @property
+    def wheels(self):
+        raise SystemExit(3)
+
+
+class LeavesInItsCoordinates(Paper):
+    @property
+    def coordinates(self):
+        raise SystemExit(3)
+
+
+class LeavesInAFunction(Paper):
+    def velocity_map(self, x):
+        raise SystemExit(3)
+
+
+class LeavesLater(Paper):
+    def velocity_map(self, x):
+        if x[0] > -0.39 and x[0] < 0.0:  # on the way, not at rest and not where it is checked
+            raise SystemExit(3)
+        return super().velocity_map(x)
+
+
+class Interrupted(Paper):
+    def velocity_map(self, x):
+        raise KeyboardInterrupt
 """
 MODERN = """
 from __future__ import annotations
@@ -205,6 +239,10 @@ def test_definition_may_be_a_dataclass(folder, monkeypatch):
         ("own.py:WheelsWithoutRadius", "wheels"),
         ("own.py:WheelsElsewhere", "phi_9"),
         ("leaves.py:Paper", "SystemExit"),
+        ("own.py:LeavesWhenCalled", r"calling it failed: SystemExit\(3\)"),
+        ("own.py:LeavesInAProperty", r"reading its attributes failed: SystemExit\(3\)"),
+        ("own.py:LeavesInItsCoordinates", r"reading its attributes failed: SystemExit\(3\)"),
+        ("own.py:LeavesInAFunction", r"velocity_map failed: SystemExit\(3\)"),
     ],
 )
 def test_wrong_definitions_are_refused(folder, definition, words):
@@ -216,3 +254,14 @@ def test_wrong_definitions_are_refused(folder, definition, words):
 def test_wrong_options_are_refused(folder):
     with pytest.raises(SpecError, match=r"calling it failed.*colour"):
         mm.load_robot(_custom(folder, "own.py:Paper", options={"colour": "red"}))
+
+
+def test_interruption_goes_through(folder):
+    with pytest.raises(KeyboardInterrupt):
+        mm.load_robot(_custom(folder, "own.py:Interrupted"))
+
+
+def test_platform_that_ends_the_process_in_a_run_is_reported(folder):
+    robot = mm.load_robot(_custom(folder, "own.py:LeavesLater"))
+    with pytest.raises(mm.MobmanError, match=r"at t = .* s: the code of .* \(SystemExit: 3\)"):
+        mm.simulate(robot, "tsm", "circle", duration=2.0)

@@ -157,3 +157,24 @@ def test_broken_package_is_left_out_with_a_warning(monkeypatch):
     with pytest.raises(UnknownNameError):  # and no second warning
         mm.load_robot("broken")
     assert mm.load_robot("youbot").nz == 5
+
+
+def leave():
+    """What an entry point may do when it is called."""
+    raise SystemExit(3)
+
+
+def stop():
+    raise KeyboardInterrupt
+
+
+def test_package_that_ends_the_process_is_left_out_with_a_warning(monkeypatch):
+    _entry_points(monkeypatch, leaves=f"{__name__}:leave", stops=f"{__name__}:stop")
+    with (
+        pytest.warns(UserWarning, match=r"'leaves' of .* is left out: SystemExit\(3\)"),
+        pytest.raises(UnknownNameError),
+    ):
+        mm.load_robot("leaves")
+    assert "leaves" not in mm.list_robots()
+    with pytest.raises(KeyboardInterrupt):
+        mm.load_robot("stops")

@@ -10,7 +10,7 @@ import pytest
 from support.runs import Still, Torque
 
 import mobman as mm
-from mobman.errors import SingularityError, UsageError
+from mobman.errors import MobmanError, SingularityError, UsageError
 from mobman.simulation.plant import true_robot
 
 ARRAYS = ("t", "q", "z", "torque", "tip_position", "task_error", "auxiliary_error", "compute_time")
@@ -145,6 +145,34 @@ def test_other_errors_of_a_controller_are_not_hidden(youbot):
 
     with pytest.raises(RuntimeError, match="a bug of the user's"):
         _run(youbot, fail)
+
+
+@pytest.mark.parametrize("time", [0.0, 0.005])
+def test_controller_that_ends_the_process_is_reported(youbot, time):
+    def leave(t):
+        if t >= time - 1e-9:
+            raise SystemExit("bye")
+        return np.zeros(5)
+
+    with pytest.raises(MobmanError, match=rf"at t = {time:g} s: .* called sys.exit .*: bye\)"):
+        _run(youbot, leave)
+
+
+def test_controller_that_ends_the_process_at_reset_is_reported(youbot):
+    class Leaves(Torque):
+        def reset(self, robot, task, dt):
+            raise SystemExit(3)
+
+    with pytest.raises(MobmanError, match=r"called sys.exit \(SystemExit: 3\)"):
+        mm.simulate(youbot, Leaves(lambda t: np.zeros(5)), "paper", duration=0.01)
+
+
+def test_interruption_goes_through(youbot):
+    def interrupt(t):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        _run(youbot, interrupt)
 
 
 def test_record_of_a_diverged_run_is_kept(youbot, tmp_path):

@@ -62,7 +62,8 @@ def test_each_loss_is_told_and_costs_nothing_else(tmp_path):
         "leaves": "its worker process ended with exit status 7; tried 2 times",
         "fills": "ran out of memory; tried 2 times",
         "raises": "RuntimeError: a bug of its own",
-        "exits": "SystemExit: 3",
+        "exits": "MobmanError: at t = 0 s: the code of the controller, the task or the platform "
+        "called sys.exit (SystemExit: 3)",
     }
     once = {"pseudo-inverse", "raises", "exits", "diverges"}
     assert tries == {law: 1 if law in once else 2 for law in ["pseudo-inverse", *laws]}

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from mobman.arrays import Array
-from mobman.errors import SpecError
+from mobman.errors import FOREIGN_ERRORS, SpecError
 from mobman.model.platforms.platform import Equations, Platform, Site, Wheel, platforms
 from mobman.robots.urdf.flat import BASE_JOINTS
 from mobman.toml_model import Strict, validate
@@ -134,9 +134,14 @@ class Custom(Platform):
         made = load_code(given.definition, site.folder, where)
         try:
             definition = made(**given.options)
-        except Exception as error:  # the user's code may raise anything
+        except FOREIGN_ERRORS as error:
             raise SpecError(f"{where}: calling it failed: {error!r}") from error
-        platform = cls(definition, where)
+        try:
+            platform = cls(definition, where)
+        except SpecError:
+            raise
+        except FOREIGN_ERRORS as error:
+            raise SpecError(f"{where}: reading its attributes failed: {error!r}") from error
         for name in platform.coordinates[3:]:
             if not site.tree.existJointName(name):
                 raise SpecError(
@@ -238,7 +243,7 @@ class Custom(Platform):
         try:
             given = getattr(self._definition, name)(*(argument.copy() for argument in arguments))
             found: Array = np.asarray(given, dtype=float)
-        except Exception as error:  # the user's code may raise anything
+        except FOREIGN_ERRORS as error:
             raise SpecError(f"{where}: {name} failed: {error!r}") from error
         if found.shape != shape or not np.all(np.isfinite(found)):
             raise SpecError(
@@ -306,13 +311,14 @@ def load_code(definition: str, folder: Path, where: str) -> Any:
             module = _import_file(path)
         else:
             module = importlib.import_module(module_name)
+        found = getattr(module, name, None)
     except SpecError:
         raise
-    except (Exception, SystemExit) as error:  # the user's module may raise anything
+    except FOREIGN_ERRORS as error:
         raise SpecError(f"{where}: importing it failed: {error!r}") from error
-    if not hasattr(module, name):
+    if found is None:
         raise SpecError(f"{where}: {module_name} has no {name!r}")
-    return getattr(module, name)
+    return found
 
 
 def _import_file(path: Path) -> ModuleType:
