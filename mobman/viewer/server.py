@@ -18,17 +18,19 @@ from mobman.errors import UsageError
 
 LOOPBACK = "127.0.0.1"
 _STOPPING = 5.0  # s
+Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 
 class PageServer:
     """Serves a page until it is closed.
 
-    On a loopback address it answers only to that address's names, so that a page from elsewhere cannot
-    reach it by a name of its own.
+    It answers only to names of the address that it listens on, so that a page from elsewhere cannot
+    reach it by a name of its own. Whoever reaches the address sees the page: there is no password, and
+    no encryption.
 
     Args:
         page: The page.
-        host: Address to listen on.
+        host: Address to listen on; ``"0.0.0.0"`` or ``"::"`` for all of this machine.
         port: Port; a free one if None.
         frames: Gives what a page that follows a run is to be told, as JSON, from the time of its
             latest frame (s); it is called in the server's own thread.
@@ -48,13 +50,17 @@ class PageServer:
         frames: Callable[[float], str] | None = None,
     ) -> None:
         sockets = _bound(host, port)
-        self.port = int(sockets[0].getsockname()[1])
-        # one that listens everywhere is reached by the loopback address too
-        shown = LOOPBACK if host in ("", "0.0.0.0", "::") else host
+        bound, self.port = sockets[0].getsockname()[:2]
+        address = ipaddress.ip_address(_without_zone(bound))
+        shown = host
+        if (
+            address.is_unspecified
+        ):  # one that listens everywhere is reached by the loopback address too
+            shown = LOOPBACK if address.version == 4 else "::1"
         self.url = f"http://{f'[{shown}]' if ':' in shown else shown}:{self.port}/"
         self._loop = asyncio.new_event_loop()
         self._ready = threading.Event()
-        names = _names(host)
+        names = _names(host, address)
         routes: list[Any] = [(r"/", _Page, {"page": page.encode(), "names": names})]
         if frames is not None:
             routes.append((r"/frames", _Frames, {"frames": frames, "names": names}))
@@ -93,10 +99,12 @@ class PageServer:
 
 
 class _Answer(tornado.web.RequestHandler):
-    _names: frozenset[str] | None
+    _names: frozenset[str]
 
     def prepare(self) -> None:
-        if self._names is not None and self.request.host_name not in self._names:
+        connection: Any = self.request.connection
+        own = _without_zone(connection.stream.socket.getsockname()[0])
+        if self.request.host_name.strip("[]") not in self._names | {own}:
             raise tornado.web.HTTPError(403)
         self.set_header("Cache-Control", "no-store")
 
@@ -105,7 +113,7 @@ class _Answer(tornado.web.RequestHandler):
 
 
 class _Page(_Answer):
-    def initialize(self, page: bytes, names: frozenset[str] | None) -> None:
+    def initialize(self, page: bytes, names: frozenset[str]) -> None:
         self._page = page
         self._names = names
 
@@ -117,7 +125,7 @@ class _Page(_Answer):
 
 
 class _Frames(_Answer):
-    def initialize(self, frames: Callable[[float], str], names: frozenset[str] | None) -> None:
+    def initialize(self, frames: Callable[[float], str], names: frozenset[str]) -> None:
         self._frames = frames
         self._names = names
 
@@ -130,16 +138,24 @@ class _Frames(_Answer):
         self.write(self._frames(after))
 
 
-def _names(host: str) -> frozenset[str] | None:
-    """The names that a loopback address has; None for others, which may have any."""
-    if host == "localhost":
-        loopback = True
-    else:
-        try:
-            loopback = ipaddress.ip_address(host).is_loopback
-        except ValueError:
-            loopback = False
-    return frozenset({"localhost", LOOPBACK, "::1", "[::1]", host}) if loopback else None
+def _names(host: str, address: Address) -> frozenset[str]:
+    """What a browser may call the server, in addition to the address that its connection came in on.
+
+    Args:
+        host: As it was given.
+        address: What it stands for.
+    """
+    names = set() if address.is_unspecified else {host.lower()}
+    if address.is_loopback or address.is_unspecified:
+        names |= {"localhost", LOOPBACK, "::1"}
+    if address.is_unspecified:
+        names.add(socket.gethostname().lower())
+    return frozenset(names)
+
+
+def _without_zone(address: str) -> str:
+    """An IPv6 address without the interface's name, which no browser sends."""
+    return address.partition("%")[0]
 
 
 def _bound(host: str, port: int | None) -> list[socket.socket]:
