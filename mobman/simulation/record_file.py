@@ -33,7 +33,7 @@ from mobman.simulation.temporary import temporary_beside
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _ALLOWED = "allowed: a record that mobman wrote"
 # Processor time and memory that reading a record may take: a hundred times what it does take.
-_SECONDS, _SECONDS_PER_MB = 4.0, 0.5
+_SECONDS, _SECONDS_PER_MB = 2.0, 0.5
 _MEGABYTES, _MEGABYTES_PER_MB = 256.0, 100.0
 
 
