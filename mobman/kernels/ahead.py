@@ -7,7 +7,7 @@ import importlib
 import sys
 from pathlib import Path
 
-from mobman.kernels.cache import kernel_files, kernel_folder
+from mobman.kernels.cache import kernel_files, kernel_folder, unsafe
 
 
 def compiled_ahead() -> bool:
@@ -34,7 +34,8 @@ def compile_ahead(backwards: bool = False) -> None:
     if own:
         runner()
         with contextlib.suppress(OSError):  # nothing was kept: there is a warning already
-            (kernel_folder() / "complete").touch()
+            if not unsafe():
+                (kernel_folder() / "complete").touch()
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 numba's own cache looks at a function's own file only, not at those of the kernels that it calls, so a
 changed kernel could live on inside its callers. Here the machine code of a version of the kernels has
-a folder of its own, named after the contents of all files that hold one.
+a folder of its own, named after the contents of all files that hold one. Since machine code is unpickled
+and run, a folder that another user could write to is not used.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import hashlib
 import os
 import re
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -44,9 +46,8 @@ class _Locator:
         return str(kernel_folder())
 
     def ensure_cache_path(self) -> None:
-        folder = kernel_folder()
-        folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
+        _make(kernel_folder())
+        tempfile.TemporaryFile(dir=kernel_folder()).close()
 
     def get_source_stamp(self) -> str:
         return _contents(Path(self._function.__code__.co_filename))
@@ -67,7 +68,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba ships no types
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The machine code for a signature, None if there is none to be read."""
         try:
-            found = super().load_overload(signature, target_context)
+            found = None if unsafe() else super().load_overload(signature, target_context)
         except Exception:  # whatever unpickling half a file may raise
             found = None
             with contextlib.suppress(OSError):
@@ -79,6 +80,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba ships no types
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep the machine code for a signature, if the folder lets it."""
+        if reason := unsafe():
+            _warn_not_kept(reason)
+            return
         try:
             super().save_overload(signature, data)
         except OSError as error:
@@ -96,6 +100,39 @@ def kernel_folder() -> Path:
     if not folder.exists():
         _forget_others(base)
     return folder
+
+
+def _make(folder: Path) -> None:
+    """Make a folder and those above it that are missing, for this user alone."""
+    for path in reversed([path for path in (folder, *folder.parents) if not path.exists()]):
+        path.mkdir(mode=0o700, exist_ok=True)
+
+
+@cache
+def unsafe() -> str:
+    """Why another user might have written what is in the folder, and what to do; empty if none could."""
+    if os.name != "posix":
+        return ""
+    with contextlib.suppress(OSError):  # then it cannot be written at all, which is told later
+        _make(kernel_folder())
+    folder = kernel_folder().absolute()
+    real = folder.resolve()
+    above = {*folder.parents, *real.parents}
+    try:
+        inside, closed = [*real.iterdir()], not real.stat().st_mode & 0o011
+    except OSError:  # it is not there
+        inside, closed = [], False
+    for path in (folder, real, *above, *inside):
+        with contextlib.suppress(OSError):
+            mode = path.stat().st_mode
+            # of a symbolic link: its own owner, and that of what it leads to
+            if others := {path.lstat().st_uid, path.stat().st_uid} - {0, os.getuid()}:
+                return f"{path} belongs to another user, {others.pop()}"
+            # in a folder with the sticky bit nobody can rename or replace what is another's
+            guarded = mode & stat.S_ISVTX if path in above else path in inside and closed
+            if mode & 0o022 and not guarded:
+                return f"other users may write to {path}: chmod go-w {path}"
+    return ""
 
 
 def kernel_files() -> list[Path]:
@@ -136,8 +173,8 @@ def _announce() -> None:
     """Say, once a process, why the first call takes its time."""
     if _HELPER not in os.environ:
         print(
-            "mobman: compiling its kernels for this machine; once, it takes some ten seconds "
-            f"(kept in {kernel_folder()})",
+            "mobman: compiling its kernels for this machine; once, it takes some ten seconds"
+            + ("" if unsafe() else f" (kept in {kernel_folder()})"),
             file=sys.stderr,
             flush=True,
         )
@@ -146,7 +183,7 @@ def _announce() -> None:
 @cache
 def help_compiling() -> None:
     """Let another process compile from the other end of the list, as long as this one lives."""
-    if _HELPER in os.environ or (os.cpu_count() or 1) < 2 or not sys.executable:
+    if _HELPER in os.environ or (os.cpu_count() or 1) < 2 or not sys.executable or unsafe():
         return
     command = [sys.executable, "-m", "mobman.kernels.ahead", "--backwards"]
     quiet = subprocess.DEVNULL
@@ -166,6 +203,6 @@ def _end(helper: subprocess.Popen[bytes]) -> None:
 def _warn_not_kept(reason: str) -> None:
     warnings.warn(
         f"mobman's compiled kernels cannot be kept in {kernel_folder()} ({reason}); every process "
-        "compiles them anew. Set NUMBA_CACHE_DIR to a folder that can be written",
+        "compiles them again. Set NUMBA_CACHE_DIR to a folder that can be written by you alone",
         stacklevel=2,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -145,6 +146,103 @@ def test_folder_that_cannot_be_written_costs_one_warning(tmp_path, obstacle):
         assert said.count("Warning") == 1
         assert "Set NUMBA_CACHE_DIR to a folder that can be written" in said
         assert "Traceback" not in said
+
+
+posix = pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
+
+
+def refused(tiny, *words):
+    """Machine code is neither loaded nor kept, and one warning says why."""
+    before = {path: path.read_bytes() for path in tiny.cache.rglob("*") if path.is_file()}
+    for _ in range(2):
+        said = tiny.run()
+        assert said.count("mobman: compiling its kernels") == 1
+        assert said.count("Warning") == 1
+        for word in ("cannot be kept in", "NUMBA_CACHE_DIR", *words):
+            assert word in said
+    after = {path: path.read_bytes() for path in tiny.cache.rglob("*") if path.is_file()}
+    assert after == before
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777])
+def test_folder_that_others_may_write_to_is_not_used(compiled, mode):
+    folder = compiled.kept()[0].parent
+    folder.chmod(mode)
+    refused(compiled, f"other users may write to {folder}: chmod go-w {folder}")
+    folder.chmod(0o755)
+    assert compiled.run() == ""
+
+
+@posix
+def test_folder_above_it_that_others_may_write_to(compiled):
+    compiled.cache.chmod(0o777)
+    refused(compiled, f"other users may write to {compiled.cache}: chmod go-w {compiled.cache}")
+    compiled.cache.chmod(0o1777)  # as /tmp: others may add to it, and replace nothing
+    assert compiled.run() == ""
+
+
+@posix
+def test_file_that_others_may_write_to(compiled):
+    file = compiled.kept()[0]
+    file.chmod(0o666)
+    assert compiled.run() == ""  # nobody else reaches it
+    file.parent.chmod(0o755)
+    refused(compiled, f"other users may write to {file}")
+
+
+@posix
+def test_link_to_a_folder_that_others_may_write_to(compiled, tmp_path):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    compiled.cache.rename(shared / "cache")
+    compiled.cache.symlink_to(shared / "cache")
+    refused(compiled, f"other users may write to {shared}")
+
+
+@posix
+@pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="only root may give files away")
+@pytest.mark.parametrize("what", ["cache", "folder", "file"])
+def test_what_belongs_to_another_user_is_not_used(compiled, what):
+    file = compiled.kept()[0]
+    path = {"cache": compiled.cache, "folder": file.parent, "file": file}[what]
+    os.chown(path, 65534, -1)
+    refused(compiled, f"{path} belongs to another user, 65534")
+
+
+@posix
+def test_machine_code_of_others_is_not_even_unpickled(compiled, tmp_path):
+    """What is unpickled runs."""
+    seen = tmp_path / "seen"
+    for file in compiled.kept():
+        file.write_bytes(pickle.dumps(Touches(str(seen))))
+    compiled.kept()[0].parent.chmod(0o777)
+    refused(compiled, "other users may write to")
+    assert not seen.exists()
+
+
+class Touches:
+    """Leaves a file where it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (open, (self.path, "w"))
+
+
+@posix
+def test_folders_that_are_made_are_for_this_user_alone(tiny):
+    mask = os.umask(0)
+    try:
+        tiny.run()
+    finally:
+        os.umask(mask)
+    folder = tiny.kept()[0].parent
+    for path in (folder, folder.parent, tiny.cache):
+        assert path.stat().st_mode & 0o777 == 0o700
+    assert tiny.run() == ""
 
 
 def test_every_file_with_a_kernel_is_known():

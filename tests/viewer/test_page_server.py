@@ -1,4 +1,4 @@
-"""Names that the page server answers to: a page from elsewhere must not reach it by a name of its own."""
+"""Names that the page server answers to: no page from elsewhere reaches it by a name of its own."""
 
 from __future__ import annotations
 
