@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from mobman.cli.output import console, echo, number, printable
+from mobman.cli.output import console, echo, number
+from mobman.printable import printable
 
 if TYPE_CHECKING:
     from mobman.benchmark.run_spec import RunSpec

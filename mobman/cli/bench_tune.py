@@ -17,7 +17,8 @@ from rich.progress import (
 from rich.table import Table
 
 from mobman.cli.interruption import interrupted_once
-from mobman.cli.output import console, echo, print_json, printable
+from mobman.cli.output import console, echo, print_json
+from mobman.printable import printable
 
 if TYPE_CHECKING:
     from mobman.benchmark.tuning.batches import Step

@@ -154,18 +154,17 @@ posix = pytest.mark.skipif(os.name != "posix", reason="permissions are those of 
 def refused(tiny, *words):
     """Machine code is neither loaded nor kept, and one warning says why."""
     before = {path: path.read_bytes() for path in tiny.cache.rglob("*") if path.is_file()}
-    for _ in range(2):
-        said = tiny.run()
-        assert said.count("mobman: compiling its kernels") == 1
-        assert said.count("Warning") == 1
-        for word in ("cannot be kept in", "NUMBA_CACHE_DIR", *words):
-            assert word in said
+    said = tiny.run()
+    assert said.count("mobman: compiling its kernels") == 1
+    assert said.count("Warning") == 1
+    for word in ("cannot be kept in", "NUMBA_CACHE_DIR", *words):
+        assert word in said
     after = {path: path.read_bytes() for path in tiny.cache.rglob("*") if path.is_file()}
     assert after == before
 
 
 @posix
-@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777])
+@pytest.mark.parametrize("mode", [0o775, 0o1777])
 def test_folder_that_others_may_write_to_is_not_used(compiled, mode):
     folder = compiled.kept()[0].parent
     folder.chmod(mode)

@@ -11,12 +11,13 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from mobman.benchmark.report.content import ReportedRun
+from mobman.printable import printable
 
 UNDEFINED = "–"
 INFINITE = "∞"
 NEVER = "never"
 
-_MARKDOWN = re.compile(r"([\\`*_{}\[\]<>#|])")
+_MARKDOWN = re.compile(r"([\\`*_{}\[\]<>#|~$&])")
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -134,7 +135,12 @@ def html_text(text: str) -> Markup:
 
 def markdown_text(text: str) -> str:
     """Text for Markdown, on one line, so that it is neither mark-up nor ends a table's cell."""
-    return _MARKDOWN.sub(r"\\\1", " ".join(text.split()))
+    return _MARKDOWN.sub(r"\\\1", one_line(text))
+
+
+def one_line(text: str) -> str:
+    """Text without line breaks and control characters."""
+    return printable(" ".join(text.split()))
 
 
 def slug(text: str) -> str:

@@ -11,6 +11,7 @@ from mobman.benchmark.report.chart import Chart, Look
 from mobman.benchmark.report.content import FailedRun, ReportedRun, ReportedSuite
 from mobman.benchmark.report.table import Entry, Row, Table
 from mobman.errors import MobmanError
+from mobman.printable import printable
 
 _SYMBOLS = {
     "\\": r"\textbackslash{}",
@@ -27,6 +28,11 @@ _SYMBOLS = {
     ">": r"\textgreater{}",
     "|": r"\textbar{}",
     '"': r"\textquotedbl{}",
+    "`": r"\textasciigrave{}",
+    # behind \\ these would be its argument
+    "[": "{[}",
+    "]": "{]}",
+    "*": "{*}",
     "–": "--",
     "−": "$-$",
     "∞": r"$\infty$",
@@ -116,7 +122,9 @@ def latex_table(table: Table) -> str:
 
 def escape(text: str) -> str:
     """Text for LaTeX, with the paper's symbols and powers of ten set as such."""
-    parts = re.split("(" + "|".join(map(re.escape, _PAPERS)) + ")", " ".join(text.split()))
+    parts = re.split(
+        "(" + "|".join(map(re.escape, _PAPERS)) + ")", printable(" ".join(text.split()))
+    )
     return "".join(_PAPERS.get(part) or _powers(part) for part in parts)
 
 

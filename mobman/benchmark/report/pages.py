@@ -7,7 +7,7 @@ from typing import Any
 
 import jinja2
 
-from mobman.benchmark.report.format import html_text, markdown_text, slug
+from mobman.benchmark.report.format import html_text, markdown_text, one_line, slug
 from mobman.benchmark.report.html_table import html_table, swatch
 from mobman.benchmark.report.table import first_rows
 
@@ -28,7 +28,7 @@ def render(content: Mapping[str, Any], figures: str) -> tuple[str, str]:
         keep_trailing_newline=True,
     )
     environment.filters.update(symbols=html_text, md=markdown_text, slug=slug, head=first_rows)
-    environment.filters.update(table=html_table, swatch=swatch)
+    environment.filters.update(table=html_table, swatch=swatch, line=one_line)
     return (
         environment.get_template("report.html.j2").render(content),
         environment.get_template("report.md.j2").render(content, figures=figures),

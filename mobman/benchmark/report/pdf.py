@@ -48,6 +48,7 @@ _SETTINGS: dict[str, Any] = {
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8.0,
     "axes.unicode_minus": True,
+    "text.parse_math": False,  # names may have dollar signs
 }
 _ABREAST = 5  # entries of a legend beneath
 _FAINT, _GRID = "#8a8a8a", "#e4e4e4"
