@@ -105,7 +105,9 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     _say("growth with the sampling period")
     result["growth"]["dt"] = with_period(1 if quick else 7, 0.1 if quick else 1.0)
     _say("growth with the number of workers")
-    result["growth"]["workers"] = with_workers(2 if quick else 12, 0.1 if quick else 2.0)
+    result["growth"]["workers"] = with_workers(
+        2 if quick else 12, 0.1 if quick else 2.0, most=1 if quick else None
+    )
     _say("real time")
     result["real_time"] = real_time(
         mm.load_robot("youbot"), 1 if quick else 3, 1.0 if quick else 10.0

@@ -2,7 +2,7 @@
 
 python docs/pictures.py results/paper docs/images
 
-With ``--quick``, runs are short and views small: to try it.
+With ``--quick``, runs are short, of a small robot, and views small: to try it.
 """
 
 from __future__ import annotations
@@ -70,10 +70,11 @@ def views(folder: Path, quick: bool = False) -> None:
     """Robots and runs as `mobman view` shows them; this needs the extras `view` and `film`."""
     size = (160, 90) if quick else (1280, 720)
     long, short = (0.1, 0.1) if quick else (12.0, 10.0)  # s
+    tiago, husky = ("youbot", "youbot") if quick else ("tiago_no_hand", "husky_ur5")
     View(make_scene("youbot")).save(folder / "view-youbot.png", size=size)
-    tiago = mm.simulate("tiago_no_hand", "tsm", "circle", duration=long)
-    View(make_scene(tiago)).save(folder / "view-tiago.png", size=size, time=9.0)
-    composed = mm.simulate("husky_ur5", "tsm", "circle", duration=long)
+    circle = mm.simulate(tiago, "tsm", "circle", duration=long)
+    View(make_scene(circle)).save(folder / "view-tiago.png", size=size, time=9.0)
+    composed = mm.simulate(husky, "tsm", "circle", duration=long)
     View(make_scene(composed)).save(folder / "view-husky.png", size=size, time=6.0)
     heavier = [
         mm.simulate("youbot", law, "paper", duration=short, scenario="heavier")
@@ -88,7 +89,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Draw the pictures of README and docs.")
     parser.add_argument("results", type=Path, help="folder of the suite's results")
     parser.add_argument("folder", type=Path, help="folder of the pictures")
-    parser.add_argument("--quick", action="store_true", help="short runs and small views")
+    parser.add_argument(
+        "--quick", action="store_true", help="short runs of a small robot, small views"
+    )
     options = parser.parse_args()
     try:
         store, folder = Store(options.results), options.folder

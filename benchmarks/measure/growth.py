@@ -93,15 +93,16 @@ def with_period(rounds: int, simulated: float) -> dict[str, Any]:
     }
 
 
-def with_workers(runs: int, duration: float) -> dict[str, Any]:
+def with_workers(runs: int, duration: float, most: int | None = None) -> dict[str, Any]:
     """Runs a minute of a suite of equal runs, by number of workers, their start included.
 
     Args:
         runs: How many there are.
         duration: Of each (simulated s).
+        most: Largest number of workers; as many as a suite has by default if None.
     """
     text = _SUITE.format(duration=duration, seeds=list(range(runs)), **PAPER_GAINS)
-    most = default_workers()
+    most = most or default_workers()
     numbers = [workers for workers in (1, 2, 4, 8, 16, 32, 64) if workers < most] + [most]
     seconds = []
     with TemporaryDirectory() as folder:
