@@ -81,7 +81,7 @@ def browser():
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_terminal_summary(terminalreporter):
-    """After all else: how many tests were skipped for want of a browser, in all processes."""
+    """Count the tests of all processes that were skipped without a browser, in the last lines."""
     result = yield
     skipped = terminalreporter.stats.get("skipped", [])
     if count := sum(NO_BROWSER in str(report.longrepr) for report in skipped):
