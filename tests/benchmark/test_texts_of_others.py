@@ -7,6 +7,7 @@ import io
 import math
 import re
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import pytest
 from support.reported import made_up_metrics, made_up_record, made_up_run
@@ -127,6 +128,7 @@ def test_html(reports, name):
     harmless(read(reports[name].html), read(reports["plain"].html))
     for figure in (reports[name].html.parent / "figures").glob("*.svg"):
         harmless(read(figure), "")
+        ElementTree.fromstring(read(figure))
 
 
 @pytest.mark.parametrize("name", TEXTS)

@@ -9,6 +9,7 @@ from markupsafe import Markup, escape
 from mobman.benchmark.report.chart import Look
 from mobman.benchmark.report.svg.style_sheet import LIGHT, STYLE, look_style
 from mobman.benchmark.report.svg.units import UNIT, units
+from mobman.printable import printable
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ class Drawing:
         """Content of a file of its own."""
         width, height = map(units, self.size)
         variables = ";".join(f"--{name}:{value}" for name, value in LIGHT.items())
-        return (
+        # XML has no control characters, not even escaped ones
+        return printable(
             '<?xml version="1.0" encoding="utf-8"?>\n'
             f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" role="img" '
             f'width="{width / UNIT:g}" height="{height / UNIT:g}" '
