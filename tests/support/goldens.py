@@ -9,7 +9,6 @@ import re
 import runpy
 import signal
 import sys
-import tempfile
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -271,10 +270,11 @@ def normalised(text: str, *folders: Path) -> str:
         text: The text.
         folders: Working folders; paths in them become relative to ``<work>``.
     """
-    for folder in sorted({*folders, Path(tempfile.gettempdir())}, key=lambda p: -len(str(p))):
-        text = text.replace(str(folder), "<work>")
-    for folder in (Path(mm.__file__).parents[1], Path(sys.prefix)):
-        text = text.replace(str(folder), "/folder")  # it may have spaces
+    # these may have spaces, and lie one in another
+    names = {Path(mm.__file__).parents[1]: "/folder", Path(sys.prefix): "/folder"}
+    names |= dict.fromkeys(folders, "<work>")
+    for folder in sorted(names, key=lambda folder: -len(str(folder))):
+        text = text.replace(str(folder), names[folder])
     text = text.replace(mm.__version__, "<version>")
     text = _DATE.sub("<date>", text)
     text = _HASH.sub("<hash>", text)
