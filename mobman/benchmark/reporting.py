@@ -121,7 +121,10 @@ def read_results(
         run = _reported(spec, summary, path, place)
         page = place / _REPLAYS / f"{path.stem}.html"
         if write_replay is not None:
-            write_replay(path, page, _instant(run))
+            try:
+                write_replay(path, page, _instant(run))
+            except RecordError as error:  # its samples cannot be read, though its metrics can
+                unused.append(UnusedFile(_relative(path, store.folder), str(error)))
         if _is_of(page, path):
             run = replace(run, replay=_relative(page, place))
         runs.append(run)

@@ -5,6 +5,7 @@ Exit status: 0 done; 1 the thing asked for failed; 2 it was asked for wrongly; 1
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -41,6 +42,9 @@ def main() -> None:
     # Asked to stop, it stops as after Ctrl-C: workers are ended and what was done is kept.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     warnings.showwarning = _show_warning
+    for stream in (sys.stdout, sys.stderr):  # a terminal need not have every character
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         # not mobman.main(): that turns a closed pipe into exit status 1
         with mobman.make_context("mobman", sys.argv[1:]) as context:

@@ -191,8 +191,6 @@ class _Reader:
             raise ValueError(f"its attribute {name!r} is not JSON: {error}") from error
         if not isinstance(content, dict):
             raise TypeError(f"its attribute {name!r} is no dictionary")
-        if "\\ud" in text.lower():  # halves of a character may be among them
-            _unicode(json.dumps(content, ensure_ascii=False), f"its attribute {name!r}")
         return text
 
     def _integer(self, name: str) -> int:

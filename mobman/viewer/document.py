@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mobman.errors import MobmanError
+from mobman.printable import printable
 from mobman.viewer.scene import Scene
 
 _PLACES = re.compile(r"\{\{(\w+)\}\}")
@@ -25,7 +26,7 @@ def document(scene: Scene) -> str:
     """
     meshcat, licence = _meshcat()
     parts = {
-        "title": html.escape(f"{scene.title} – mobman"),
+        "title": html.escape(printable(f"{scene.title} – mobman")),
         "style": _page_file("style.css"),
         "licence": licence.replace("--", "- -"),
         "scene": _embedded(scene.content),
@@ -37,7 +38,7 @@ def document(scene: Scene) -> str:
 
 def _embedded(content: dict[str, Any]) -> str:
     """JSON that cannot end the element that holds it."""
-    text = json.dumps(content, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
 
 

@@ -77,7 +77,7 @@ class LiveRun:
 
     def observe(self, t: float, q: Array, z: Array, torque: Array) -> None:
         """Take a state; returns when it is time to go on."""
-        self._samples.append((t, q, z, torque))
+        self._samples.append((t, q.copy(), z.copy(), torque.copy()))
         if self._speed is None:
             return
         now, due = perf_counter(), t / self._speed

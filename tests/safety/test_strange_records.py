@@ -62,7 +62,6 @@ REFUSED = {
     "decimation_below_zero": r"'decimation' is -3; allowed: from 1",
     "schema_version_of_a_list": r"has schema version",
     "urdf_called_as_the_folder_above": r"urdf/1/\.\. is no place of a URDF",
-    "texts_with_half_a_character": r"'spec_json' is not valid UTF-8",
     "text_that_is_not_utf_8": r"'robot' is not valid UTF-8",
     "settings_of_a_list": r"'settings_json' is no dictionary",
 }

@@ -708,9 +708,11 @@ def texts_that_steer_the_terminal(file, trap):
 
 @crafted
 def texts_with_half_a_character(file, trap):
-    spec = json.dumps({**spec_of(file), "controller": "\ud800"})
-    assert "\\ud800" in spec
-    file.attrs["spec_json"] = spec
+    spec = spec_of(file)
+    spec["robot"] |= {"name": "you\ud800bot", "description": "\udcff", "urdf": {"path": "\udcff"}}
+    put(file, {**spec, "controller": "\ud800", "law": "\ud800"})
+    settings = json.loads(file.attrs["settings_json"])
+    file.attrs["settings_json"] = json.dumps({**settings, "\udc90": "\ud800"})
 
 
 @crafted

@@ -90,7 +90,7 @@ def write_latex(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
-            (folder / name).write_text(content, encoding="utf-8")
+            (folder / name).write_text(content, encoding="utf-8", errors="backslashreplace")
         if charts:
             from mobman.benchmark.report.pdf import write_pdf
 

@@ -81,7 +81,7 @@ def _write_all(files: Mapping[Path, str]) -> None:
     try:
         for path, text in files.items():
             path.parent.mkdir(parents=True, exist_ok=True)
-            temporary[path].write_text(text, encoding="utf-8")
+            temporary[path].write_text(text, encoding="utf-8", errors="backslashreplace")
         for path in files:
             os.replace(temporary[path], path)
     except OSError as error:
