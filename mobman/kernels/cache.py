@@ -130,7 +130,9 @@ def unsafe() -> str:
                 return f"{path} belongs to another user, {others.pop()}"
             # in a folder with the sticky bit nobody can rename or replace what is another's
             guarded = mode & stat.S_ISVTX if path in above else path in inside and closed
-            if mode & 0o022 and not guarded:
+            # with a umask of 002, what is made may be written by the user's own group
+            own_group = path.stat().st_gid == os.getgid()
+            if mode & (0o002 if own_group else 0o022) and not guarded:
                 return f"other users may write to {path}: chmod go-w {path}"
     return ""
 

@@ -164,13 +164,24 @@ def refused(tiny, *words):
 
 
 @posix
-@pytest.mark.parametrize("mode", [0o775, 0o1777])
+@pytest.mark.parametrize("mode", [0o777, 0o1777])
 def test_folder_that_others_may_write_to_is_not_used(compiled, mode):
     folder = compiled.kept()[0].parent
     folder.chmod(mode)
     refused(compiled, f"other users may write to {folder}: chmod go-w {folder}")
     folder.chmod(0o755)
     assert compiled.run() == ""
+
+
+@posix
+def test_folder_that_the_users_own_group_may_write_to(compiled):
+    """As a umask of 002 makes it."""
+    folder = compiled.kept()[0].parent
+    folder.chmod(0o775)
+    assert compiled.run() == ""
+    if os.getuid() == 0:  # only root may give it to another group
+        os.chown(folder, -1, 65534)
+        refused(compiled, f"other users may write to {folder}")
 
 
 @posix
