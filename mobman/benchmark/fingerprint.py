@@ -6,7 +6,7 @@ import hashlib
 import json
 
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf.file import urdf_sources
+from mobman.robots.urdf.read import urdf_sources
 
 
 def fingerprint(spec: RobotSpec) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.checks.subject import Subject
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.tasks.task import make_task
 from mobman.tasks.trajectories.circle import Circle
 

@@ -10,9 +10,7 @@ from functools import partial
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.robots.urdf.placement import placement
-from mobman.robots.urdf.quantities import scalar
-from mobman.robots.urdf.shapes import USES, Shape, Use, read_shapes
+from mobman.robots.urdf.shapes import USES, Shape, Use, placement, read_shapes, scalar
 
 
 @dataclass(frozen=True)

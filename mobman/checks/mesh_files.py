@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf.file import UrdfFile, UrdfSources
 from mobman.robots.urdf.meshes import mesh_paths
+from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
 
 class MeshFile(NamedTuple):

@@ -13,8 +13,8 @@ from mobman.checks.links import Link, read_links
 from mobman.checks.mesh_files import MeshFile, mesh_files
 from mobman.model.assembly import Assembly
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.robots.urdf.flat import BASE_JOINTS
-from mobman.robots.urdf.mesh_vertices import MeshReader
+from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.robots.urdf.meshes import MeshReader
 
 _SEED = 20_261_122
 _STEERED = math.pi / 3  # rad: random steering angles keep away from the model's singularity at pi/2

@@ -140,7 +140,7 @@ def _found(name: str) -> tuple[RobotSpec, MobileManipulator | None, str]:
 
 
 def _details(name: str) -> dict[str, Any]:
-    from mobman.robots.urdf.file import urdf_sources
+    from mobman.robots.urdf.read import urdf_sources
 
     spec, robot, origin = _found(name)
     urdf = urdf_sources(spec)

@@ -77,7 +77,7 @@ def add(urdf: Path, name: str | None, output: Path | None, force: bool, **given:
     from mobman.robots.inference.location import urdf_source
     from mobman.robots.inference.toml_text import robot_toml
     from mobman.robots.spec import UrdfSource
-    from mobman.robots.urdf.file import urdf_file
+    from mobman.robots.urdf.read import urdf_file
 
     _check_options(output, given)
     if not os.path.isfile(urdf):

@@ -9,8 +9,8 @@ from mobman.errors import SpecError, UnknownNameError
 from mobman.model.platforms.platform import Platform, platforms
 from mobman.robots.spec import RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import Mounted, compose
-from mobman.robots.urdf.file import UrdfFile, UrdfSources
 from mobman.robots.urdf.meshes import absolute_meshes
+from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
 
 def platform_type(spec: RobotSpec) -> type[Platform]:

@@ -19,9 +19,9 @@ from mobman.model.mobile_manipulator import Geometry, MobileManipulator
 from mobman.model.platforms.platform import Platform, Site
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf.file import UrdfSources, urdf_sources
-from mobman.robots.urdf.flat import LINK, flat_urdf
-from mobman.robots.urdf.mesh_vertices import MeshError, read_triangles
+from mobman.robots.urdf.compose import LINK, flat_urdf
+from mobman.robots.urdf.meshes import MeshError, read_triangles
+from mobman.robots.urdf.read import UrdfSources, urdf_sources
 
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
 

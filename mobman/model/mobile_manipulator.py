@@ -17,7 +17,7 @@ from mobman.model.limits import Limits, limits
 from mobman.model.platforms.platform import Platform
 from mobman.model.workspace import Workspace
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf.file import UrdfSources
+from mobman.robots.urdf.read import UrdfSources
 
 _WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 

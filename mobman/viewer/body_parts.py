@@ -12,8 +12,8 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.robots.urdf.flat import BASE_JOINTS
-from mobman.robots.urdf.mesh_vertices import MeshError
+from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.robots.urdf.meshes import MeshError
 from mobman.viewer.meshes import can_reduce, read_mesh, reduced
 from mobman.viewer.shapes import Box, Colour, Cylinder, Mesh, Shape, Sphere
 from mobman.viewer.urdf_looks import Look, MeshFile, looks

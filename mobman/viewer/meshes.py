@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mobman.arrays import Array, Index
-from mobman.robots.urdf.mesh_vertices import MeshError, read_isolated, read_triangles
+from mobman.robots.urdf.meshes import MeshError, read_isolated, read_triangles
 from mobman.viewer.shapes import Colour, Mesh
 
 _COLOURED = {".dae", ".obj", ".gltf", ".glb", ".ply"}

@@ -9,7 +9,7 @@ import numpy as np
 
 from mobman.arrays import Array, Index
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.simulation.record import Record
 from mobman.viewer.encoding import packed
 

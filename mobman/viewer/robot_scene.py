@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.viewer.body_parts import Body, body, motion_column
 from mobman.viewer.encoding import rows
 from mobman.viewer.shapes import Shape

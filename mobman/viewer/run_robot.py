@@ -11,7 +11,7 @@ from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import as_spec, find_spec, list_robots, registered_as
 from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf.file import UrdfSources, urdf_sources
+from mobman.robots.urdf.read import UrdfSources, urdf_sources
 from mobman.simulation.record import Record
 
 

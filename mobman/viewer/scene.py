@@ -13,7 +13,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.errors import UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.simulation.record import Record
 from mobman.viewer.colours import run_colour
 from mobman.viewer.labels import labels

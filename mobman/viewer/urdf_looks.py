@@ -13,7 +13,7 @@ import pinocchio as pin
 from mobman.model.assembly import Assembly
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.urdf.meshes import mesh_paths
-from mobman.robots.urdf.placement import placement
+from mobman.robots.urdf.shapes import placement
 from mobman.viewer.shapes import Box, Capsule, Colour, Cylinder, Sphere
 
 Use = Literal["visual", "collision"]

@@ -13,7 +13,7 @@ from support.variants import ROBOTS
 import mobman as mm
 from mobman.errors import SpecError
 from mobman.robots.spec import read_spec
-from mobman.robots.urdf.file import urdf_sources
+from mobman.robots.urdf.read import urdf_sources
 
 SPECS = {path.stem: read_spec(path) for path in sorted(ROBOTS.glob("*.toml"))}
 COMPOSED = [name for name, spec in SPECS.items() if spec.mount]

@@ -10,8 +10,8 @@ import pytest
 import mobman as mm
 from mobman.errors import SpecError
 from mobman.model.build import load_geometry
-from mobman.robots.urdf.file import UrdfFile
 from mobman.robots.urdf.meshes import Mesh, absolute_meshes, mesh_paths
+from mobman.robots.urdf.read import UrdfFile
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mobman.robots.urdf.mesh_vertices import MeshReader
-from mobman.robots.urdf.placement import placement
-from mobman.robots.urdf.shapes import bounds, extents, read_shapes
+from mobman.robots.urdf.meshes import MeshReader
+from mobman.robots.urdf.shapes import bounds, extents, placement, read_shapes
 
 XYZ, RPY = np.array([0.3, -0.2, 0.5]), np.array([0.4, -1.1, 2.3])
 TURN = Rotation.from_euler("xyz", RPY).as_matrix()

@@ -11,8 +11,8 @@ from support.variants import ROBOTS, description
 import mobman as mm
 from mobman.robots.catalogue import as_spec
 from mobman.robots.spec import read_spec
-from mobman.robots.urdf.file import UrdfFile, urdf_sources
-from mobman.robots.urdf.flat import flat_urdf
+from mobman.robots.urdf.compose import flat_urdf
+from mobman.robots.urdf.read import UrdfFile, urdf_sources
 
 YOUBOT = UrdfFile(ROBOTS / "youbot.urdf", ())
 

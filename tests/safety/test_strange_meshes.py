@@ -13,7 +13,7 @@ from support.variants import toml, youbot_urdf, youbot_with_urdf
 
 import mobman as mm
 from mobman.isolation import Crash, helper
-from mobman.robots.urdf.mesh_vertices import MeshError, read_triangles
+from mobman.robots.urdf.meshes import MeshError, read_triangles
 from mobman.viewer import meshes
 from mobman.viewer.body_parts import body
 from mobman.viewer.shapes import Mesh

@@ -10,7 +10,7 @@ from mobman.arrays import Array
 from mobman.checks.check import Remark, check, ok, some, warning, wrong
 from mobman.checks.links import Link
 from mobman.checks.subject import Subject
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.shapes import bounds
 
 _ZERO = 1e-12  # kg m^2

@@ -9,7 +9,7 @@ import numpy as np
 
 from mobman.checks.check import Remark, check, ok, some, warning, wrong
 from mobman.checks.subject import Subject
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 
 _UNBOUNDED = 1e8  # what continuous joints have is above it
 _NEAR = 0.01  # of the range

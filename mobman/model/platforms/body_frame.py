@@ -15,7 +15,7 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.kernels.kernel import kernel
 from mobman.model.platforms.platform import Equations, Platform, Wheel
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 
 
 class BodyFramePlatform(Platform):

@@ -15,7 +15,7 @@ from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.kernels.kernel import plain
 from mobman.registry import Registry
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 
 
 class Wheel(NamedTuple):

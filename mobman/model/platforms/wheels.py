@@ -12,7 +12,7 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.model.platforms.platform import Site
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 
 AXIS_TOLERANCE = 1e-3
 """How far an axis may be from where it should be (rad)."""

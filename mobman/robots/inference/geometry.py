@@ -6,9 +6,8 @@ import xml.etree.ElementTree as ET
 
 from mobman.arrays import Array
 from mobman.robots.inference.tree import Tree
-from mobman.robots.urdf.file import UrdfFile
-from mobman.robots.urdf.mesh_vertices import MeshReader
-from mobman.robots.urdf.meshes import mesh_paths
+from mobman.robots.urdf.meshes import MeshReader, mesh_paths
+from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import Shape, Use, read_shapes
 
 

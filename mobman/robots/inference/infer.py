@@ -26,7 +26,7 @@ from mobman.robots.inference.recognise import find_drive
 from mobman.robots.inference.tree import Joint, Tree
 from mobman.robots.inference.virtual import virtual_joints
 from mobman.robots.inference.wheels import Rolling, rolling_wheels
-from mobman.robots.urdf.file import UrdfFile
+from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, bounds
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mobman.errors import SpecError
 from mobman.robots.spec import UrdfSource
-from mobman.robots.urdf.file import urdf_file
+from mobman.robots.urdf.read import urdf_file
 
 _PACKAGE = "example-robot-data"
 

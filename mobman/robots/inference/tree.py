@@ -11,9 +11,8 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.robots.urdf.flat import root_link
-from mobman.robots.urdf.placement import placement
-from mobman.robots.urdf.quantities import scalar, vector
+from mobman.robots.urdf.compose import root_link
+from mobman.robots.urdf.shapes import placement, scalar, vector
 
 _WIDE = 30.0  # rad; limits so far apart are a way to write "none"
 _FULL_TURN = 4.0  # rad; a vertical joint that turns further is a swivel, one that does not steers

@@ -1,15 +1,116 @@
-"""Several URDFs put together: arms mounted on a platform."""
+"""URDFs changed: tidied, put together, and made ready for flat coordinates."""
 
 from __future__ import annotations
 
+import copy
+import math
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.robots.spec import Mount
-from mobman.robots.urdf.flat import root_link
+from mobman.robots.urdf.validate import NUMBERS, numbers, shape_of
 
+BASE_JOINTS = ("base_x", "base_y", "base_theta")
+"""The platform's pose: along the world's x and y (m), about its z (rad)."""
+
+_AXES = {"base_x": "1 0 0", "base_y": "0 1 0", "base_theta": "0 0 1"}
+_UNBOUNDED = {"lower": "-1e9", "upper": "1e9"}
+_UNKNOWN = {"effort": "0", "velocity": "0"}
+_PINOCCHIOS = "universe"  # its joint 0
+_OWN = "mobman/"  # begins the names of what is added, lest the URDF have them too
+LINK = f"{_OWN}link/"
+"""Begins the name of a link whose own name a joint has, too: Pinocchio makes frames of both."""
 _WITHOUT_EFFECT = ("transmission", "gazebo")  # and they name joints and links, which get a prefix
+_UNIT = 1e-12
+_NOT_READ = ("safety_controller", "calibration")
+_MOTION = ("axis", "limit", "dynamics", "mimic")
+
+
+def tidy(robot: ET.Element, name: str) -> None:
+    """Bring a checked ``<robot>`` element into the form in which every reader takes it the same way.
+
+    Readers of URDFs differ in what they put up with. What is no mistake is written here as the
+    strictest of them wants it, and what concerns neither the motion nor the picture is left out:
+
+    - axes become unit vectors, as every reader makes them, and numbers are separated by single spaces;
+    - an effort or velocity limit that is not given is 0, which stands for "not known";
+    - a fixed joint has no axis, limit, dynamics or mimic, and a continuous one no lower and upper limit;
+    - a ``<visual>`` or ``<collision>`` without a shape that URDFs know (``<capsule>``) is left out;
+    - colours are in the ``<visual>`` elements that have them, since robots that are put together may
+      have two of one name; what is none (four numbers from 0 to 1) or was never defined is left out.
+
+    Args:
+        robot: The element; it is changed.
+        name: The robot's name, where the file gives none.
+    """
+    robot.attrib.pop("version", None)
+    robot.set("name", robot.get("name") or name)
+    colours: dict[str, ET.Element] = {}  # the first of each name
+    for material in robot.findall("material"):
+        robot.remove(material)
+        if (name := material.get("name", "")) and _has_look(material):
+            colours.setdefault(name, material)
+    for link in robot.findall("link"):
+        for use in [*link.findall("visual"), *link.findall("collision")]:
+            if shape_of(use) is None:
+                link.remove(use)
+        for visual in link.findall("visual"):
+            _tidy_colour(visual, colours)
+    for joint in robot.findall("joint"):
+        _tidy_joint(joint)
+    for part in (p for tag in ("link", "joint") for e in robot.findall(tag) for p in e.iter()):
+        for attribute in NUMBERS.get(part.tag, {}).keys() & part.attrib.keys():
+            part.set(attribute, " ".join(part.attrib[attribute].split()))
+
+
+def _tidy_joint(joint: ET.Element) -> None:
+    kind = joint.get("type")
+    for tag in (*_NOT_READ, *(_MOTION if kind == "fixed" else ())):
+        for element in joint.findall(tag):
+            joint.remove(element)
+    limit, dynamics, axis = joint.find("limit"), joint.find("dynamics"), joint.find("axis")
+    if limit is not None:
+        limit.attrib.update(_UNKNOWN | limit.attrib)
+        if kind == "continuous":
+            for attribute in _UNBOUNDED:
+                limit.attrib.pop(attribute, None)
+    if dynamics is not None and not {"damping", "friction"} & set(dynamics.attrib):
+        joint.remove(dynamics)
+    if axis is not None:
+        xyz = numbers(axis.get("xyz", "1 0 0")) or []
+        if abs(math.hypot(*xyz) - 1.0) > _UNIT:
+            # by the largest first: the squares of tiny or huge numbers are 0 or infinite
+            scaled = [value / max(map(abs, xyz)) for value in xyz]
+            axis.set("xyz", _text([value / math.hypot(*scaled) for value in scaled]))
+
+
+def _tidy_colour(visual: ET.Element, colours: dict[str, ET.Element]) -> None:
+    material = visual.find("material")
+    if material is None:
+        return
+    name = material.get("name", "")
+    if name in colours:
+        material[:] = copy.deepcopy(list(colours[name]))
+    if not _has_look(material):
+        visual.remove(material)
+        return
+    material.set("name", name)
+
+
+def _has_look(material: ET.Element) -> bool:
+    """Whether it has a colour or a texture; a colour that is none is removed."""
+    colour, texture = material.find("color"), material.find("texture")
+    if colour is not None:
+        rgba = numbers(colour.get("rgba", "")) or []
+        if len(rgba) == 4 and all(0.0 <= value <= 1.0 for value in rgba):
+            return True
+        material.remove(colour)
+    return texture is not None and bool(texture.get("filename"))
 
 
 @dataclass(frozen=True)
@@ -27,7 +128,7 @@ class Mounted:
     where: str
 
 
-def compose(platform: ET.Element, mounted: list[Mounted]) -> ET.Element:
+def compose(platform: ET.Element, mounted: Sequence[Mounted]) -> ET.Element:
     """One tree of a platform and what is mounted on it; frames and geometry come along.
 
     Args:
@@ -38,47 +139,122 @@ def compose(platform: ET.Element, mounted: list[Mounted]) -> ET.Element:
         SpecError: If a parent link is not there, or two links or joints have one name.
     """
     for part in mounted:
-        _mount(platform, part)
+        robot, mount = part.robot, part.mount
+        _add_prefix(robot, mount.prefix)
+        for kind in ("link", "joint"):
+            there = {element.get("name") for element in platform.findall(kind)}
+            added = {element.get("name") for element in robot.findall(kind)}
+            if both := sorted(str(name) for name in there & added):
+                raise SpecError(
+                    f"{part.where}.prefix' is {mount.prefix!r}, and then the {kind}s "
+                    f"{', '.join(both[:5])} are there twice; choose another prefix"
+                )
+        links = [link.get("name", "") for link in platform.findall("link")]
+        if mount.parent not in links:
+            raise SpecError(
+                f"{part.where}.parent' is {mount.parent!r}, which is no link of the platform; its "
+                f"links: {', '.join(links)}"
+            )
+        root = root_link(robot, part.where)
+        joint = _joint(platform, f"mount/{root}", "fixed", mount.parent, root)
+        ET.SubElement(joint, "origin", xyz=_text(mount.xyz), rpy=_text(mount.rpy))
+        platform.extend([element for element in robot if element.tag not in _WITHOUT_EFFECT])
     return platform
 
 
-def _mount(platform: ET.Element, part: Mounted) -> None:
-    _add_prefix(part.robot, part.mount.prefix)
-    for kind in ("link", "joint"):
-        there = {element.get("name") for element in platform.findall(kind)}
-        added = {element.get("name") for element in part.robot.findall(kind)}
-        if both := sorted(str(name) for name in there & added):
-            raise SpecError(
-                f"{part.where}.prefix' is {part.mount.prefix!r}, and then the {kind}s "
-                f"{', '.join(both[:5])} are there twice; choose another prefix"
-            )
-    links = [str(link.get("name")) for link in platform.findall("link")]
-    if part.mount.parent not in links:
-        raise SpecError(
-            f"{part.where}.parent' is {part.mount.parent!r}, which is no link of the platform; its "
-            f"links: {', '.join(links)}"
-        )
-    root = root_link(part.robot, part.where)
-    joint = ET.SubElement(platform, "joint", name=f"mount/{root}", type="fixed")
-    ET.SubElement(joint, "parent", link=part.mount.parent)
-    ET.SubElement(joint, "child", link=root)
-    ET.SubElement(joint, "origin", xyz=_numbers(part.mount.xyz), rpy=_numbers(part.mount.rpy))
-    platform.extend([element for element in part.robot if element.tag not in _WITHOUT_EFFECT])
-
-
 def _add_prefix(robot: ET.Element, prefix: str) -> None:
-    """Every name of a URDF, and every reference to one, with a prefix."""
-    for element, attribute in (
-        *((element, "name") for element in robot.findall("link")),
-        *((element, "name") for element in robot.findall("joint")),
-        *((element, "link") for element in robot.findall("joint/parent")),
-        *((element, "link") for element in robot.findall("joint/child")),
-        *((element, "joint") for element in robot.findall("joint/mimic")),
-        *((element, "name") for element in robot.iter("material")),
+    """Put a prefix before every name of a URDF, and every reference to one."""
+    for path, attribute in (
+        ("link", "name"),
+        ("joint", "name"),
+        ("joint/parent", "link"),
+        ("joint/child", "link"),
+        ("joint/mimic", "joint"),
+        (".//material", "name"),
     ):
-        if (name := element.get(attribute)) is not None:
-            element.set(attribute, prefix + name)
+        for element in robot.findall(path):
+            if (name := element.get(attribute)) is not None:
+                element.set(attribute, prefix + name)
 
 
-def _numbers(values: tuple[float, ...]) -> str:
+def flat_urdf(
+    robot: ET.Element,
+    where: str,
+    offset: Array | Sequence[float] = (0.0, 0.0, 0.0),
+    heading: float = 0.0,
+    base_joints: Sequence[str] = BASE_JOINTS,
+) -> str:
+    """A URDF with planar base joints in front of its root, and without two-slot joints.
+
+    A ``continuous`` joint becomes ``revolute`` with wide limits, since Pinocchio gives it two
+    configuration slots (cos, sin) otherwise. Links with the name of a joint get :data:`LINK` in front.
+
+    Args:
+        robot: The checked ``<robot>`` element; it is changed.
+        where: What to call it in messages.
+        offset: Position of the root link's frame in the platform's frame (m): the platform's
+            reference point on the ground is the frame's origin.
+        heading: Direction of the platform's x axis in the root link's frame, about z (rad).
+        base_joints: Joints of the base: :data:`BASE_JOINTS`, or none for a base that is fixed.
+
+    Raises:
+        SpecError: If it has not exactly one root link, or a joint has a name that is kept.
+    """
+    for joint in robot.findall("joint"):
+        name = joint.get("name")
+        if name in BASE_JOINTS:
+            raise SpecError(f"{where}: joint {name!r}: this name is kept for the platform's pose")
+        if name == _PINOCCHIOS:
+            raise SpecError(f"{where}: joint {name!r}: this name is kept by Pinocchio; rename it")
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            if limit is None:
+                limit = ET.SubElement(joint, "limit", _UNKNOWN)
+            limit.attrib.update(_UNBOUNDED)
+    root = root_link(robot, where)
+    parent = f"{_OWN}world"
+    ET.SubElement(robot, "link", name=parent)
+    for name in base_joints:
+        child = f"{_OWN}{name}"
+        ET.SubElement(robot, "link", name=child)
+        kind = "revolute" if name == "base_theta" else "prismatic"
+        joint = _joint(robot, name, kind, parent, child)
+        ET.SubElement(joint, "axis", xyz=_AXES[name])
+        ET.SubElement(joint, "limit", _UNBOUNDED | _UNKNOWN)
+        parent = child
+    turned = (0.0, 0.0, -math.remainder(float(heading), math.tau))
+    fixed = _joint(robot, f"{_OWN}root", "fixed", parent, root)
+    ET.SubElement(fixed, "origin", xyz=_text(np.asarray(offset)), rpy=_text(turned))
+    joints = {joint.get("name") for joint in robot.findall("joint")} | {_PINOCCHIOS}
+    for path, attribute in (("link", "name"), ("joint/parent", "link"), ("joint/child", "link")):
+        for element in robot.findall(path):
+            if element.get(attribute) in joints:
+                element.set(attribute, f"{LINK}{element.get(attribute)}")
+    return ET.tostring(robot, encoding="unicode")
+
+
+def root_link(robot: ET.Element, where: str) -> str:
+    """The name of the link that is no joint's child.
+
+    Raises:
+        SpecError: If there is none, or there are several.
+    """
+    children = {child.get("link") for child in robot.findall("joint/child")}
+    names = [link.get("name", "") for link in robot.findall("link")]
+    roots = [name for name in names if name not in children]
+    if len(roots) != 1:
+        raise SpecError(f"{where}: {len(roots)} root links ({', '.join(roots)}); allowed: one")
+    return roots[0]
+
+
+def _joint(robot: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
+    """A new joint of a robot."""
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    return joint
+
+
+def _text(values: Sequence[float] | Array) -> str:
     return " ".join(repr(float(value)) for value in values)

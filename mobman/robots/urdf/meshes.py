@@ -1,4 +1,4 @@
-"""Where the meshes of a URDF are.
+"""Meshes of a URDF: where the files are, and their vertices.
 
 A mesh is named ``package://NAME/...`` (or ``model://NAME/...``, or with xacro's ``$(find NAME)``),
 ``file:///...``, by an absolute path, or by a path relative to the URDF's folder, to the folders above
@@ -7,25 +7,37 @@ it, or to those that packages are looked for in.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
-from mobman.errors import SpecError
-from mobman.robots.urdf.file import UrdfFile
-from mobman.robots.urdf.packages import Packages, is_there
-from mobman.robots.urdf.problems import listed
+import numpy as np
+
+from mobman.arrays import Array, Index
+from mobman.errors import MobmanError, SpecError
+from mobman.isolation import helper, limits
+from mobman.robots.urdf.read import UrdfFile
+from mobman.robots.urdf.validate import listed
 
 FORMATS = (".stl", ".dae", ".obj", ".ply", ".off", ".gltf", ".glb")
 """Formats of meshes that Pinocchio reads."""
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://(.*)", re.DOTALL)
 _FIND = re.compile(r"(?:file://)?\$\(find\s+([^\s()]+)\)/?(.*)", re.DOTALL)
+_NAME = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
+_MANIFEST_BYTES = 65536
 _TOLD = 5
+# Processor time and memory that reading a mesh may take.
+_SECONDS, _SECONDS_PER_MB = 6.0, 2.0
+_MEGABYTES, _MEGABYTES_PER_MB = 600.0, 100.0
+_MOST_MEGABYTES = 500.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +66,7 @@ def mesh_paths(robot: ET.Element, urdf: UrdfFile) -> list[Mesh]:
         robot: The ``<robot>`` element.
         urdf: Its file.
     """
-    return [mesh for mesh, _ in _located(robot, Packages(urdf), urdf.path.parent)]
+    return [mesh for mesh, _ in _located(robot, MeshFinder(urdf))]
 
 
 def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
@@ -68,8 +80,8 @@ def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
         SpecError: If meshes are missing, outside the package that they are named by, or of a format
             that is not read; the message says which, where they were looked for, and what to do.
     """
-    packages = Packages(urdf)
-    located = list(_located(robot, packages, urdf.path.parent))
+    finder = MeshFinder(urdf)
+    located = list(_located(robot, finder))
     wrong: dict[str, Mesh] = {}
     for mesh, _ in located:
         if mesh.path is None:
@@ -83,70 +95,101 @@ def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
         more = f"; ... and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
         raise SpecError(
             f"the URDF {urdf.path}: {len(wrong)} of {total} meshes cannot be used: {'; '.join(said)}"
-            f"{more}. Packages were looked for in {listed(map(str, packages.folders))}; more folders "
+            f"{more}. Packages were looked for in {listed(map(str, finder.folders))}; more folders "
             "can be named in field 'urdf.packages' (for a mount: 'mount.packages')"
         )
     for mesh, element in located:
         element.set("filename", str(mesh.path))
 
 
-def _located(
-    robot: ET.Element, packages: Packages, folder: Path
-) -> Iterator[tuple[Mesh, ET.Element]]:
-    known: dict[str, tuple[Path | None, str]] = {}
+def _located(robot: ET.Element, finder: MeshFinder) -> Iterator[tuple[Mesh, ET.Element]]:
+    locate = cache(finder.locate)
     for link in robot.findall("link"):
         for use in ("visual", "collision"):
             for element in link.findall(f"{use}/geometry/mesh"):
                 name = element.get("filename", "").strip()
-                if name not in known:
-                    known[name] = _locate(name, packages, folder)
-                path, problem = known[name]
-                yield Mesh(link.get("name", ""), use, name, path, problem), element
+                yield Mesh(link.get("name", ""), use, name, *locate(name)), element
 
 
-def _locate(name: str, packages: Packages, folder: Path) -> tuple[Path | None, str]:
-    """The file of a mesh, or why there is none."""
-    path, problem = _find(name, packages, folder)
-    allowed = packages.within
-    if path is not None and allowed is not None:
+class MeshFinder:
+    """Finds the files of a URDF's meshes.
+
+    A package NAME is a folder of that name, or one whose ``package.xml`` says so. It is looked for in
+    the folders that the description gives, the folders above the URDF, those of ``ROS_PACKAGE_PATH``
+    (and the folders in these), and ``share`` of those of ``AMENT_PREFIX_PATH``, in this order; each of
+    these folders may be the package itself.
+
+    Args:
+        urdf: The URDF.
+
+    Attributes:
+        folders: Where packages are looked for.
+    """
+
+    def __init__(self, urdf: UrdfFile) -> None:
+        ros = _ros_folders()
+        self.folders = list(dict.fromkeys([*urdf.package_folders, *urdf.path.parents, *ros]))
+        self._beside = urdf.path.parent
+        self._within = None if urdf.within is None else (*urdf.within, *ros)
+
+    def locate(self, name: str) -> tuple[Path | None, str]:
+        """The file of a mesh, or why there is none that can be used."""
+        path, problem = self._find(name)
+        if path is None:
+            return None, problem
         place = path.resolve()
-        if not any(place.is_relative_to(other.resolve()) for other in allowed):
+        if self._within is not None and not any(
+            place.is_relative_to(folder.resolve()) for folder in self._within
+        ):
             return None, "lies outside the folder of the run; register the robot to have it drawn"
-    if path is not None and path.suffix.lower() not in FORMATS:
-        kind = f"has the format {path.suffix!r}" if path.suffix else "has no format"
-        return None, f"{kind}, which is not read; convert it to one of {', '.join(FORMATS)}"
-    return path, problem
+        if path.suffix.lower() not in FORMATS:
+            kind = f"has the format {path.suffix!r}" if path.suffix else "has no format"
+            return None, f"{kind}, which is not read; convert it to one of {', '.join(FORMATS)}"
+        return path, ""
 
+    def _find(self, name: str) -> tuple[Path | None, str]:
+        if found := _FIND.fullmatch(name):
+            return self._find_in_package(found[1], found[2])
+        if found := _SCHEME.fullmatch(name):
+            scheme, rest = found[1].lower(), found[2]
+            if scheme in ("package", "model"):
+                package, _, inner = rest.lstrip("/").partition("/")
+                return self._find_in_package(package, inner)
+            if scheme != "file":
+                return (
+                    None,
+                    f"begins with {scheme}://; allowed: package://, model://, file://, a path",
+                )
+            name = rest
+        folders = [self._beside]
+        if not os.path.isabs(name) and not _leads_out(name):
+            folders += self.folders
+        path = _first([folder / name for folder in folders])
+        return path, "" if path else "is not there"
 
-def _find(name: str, packages: Packages, folder: Path) -> tuple[Path | None, str]:
-    if found := _FIND.fullmatch(name):
-        return _in_package(found[1], found[2], packages)
-    if found := _SCHEME.fullmatch(name):
-        scheme, rest = found[1].lower(), found[2]
-        if scheme in ("package", "model"):
-            package, _, inner = rest.lstrip("/").partition("/")
-            return _in_package(package, inner, packages)
-        if scheme != "file":
-            return None, f"begins with {scheme}://; allowed: package://, model://, file://, a path"
-        name = rest
-    candidates = [folder / name]
-    if not os.path.isabs(name) and not _leads_out(name):
-        candidates += [other / name for other in packages.folders]
-    path = _first(candidates)
-    return path, "" if path else "is not there"
+    def _find_in_package(self, package: str, inner: str) -> tuple[Path | None, str]:
+        inner = inner.lstrip("/")
+        if not package or not inner:
+            return None, "names no file of a package; allowed: package://NAME/FILE"
+        if _leads_out(inner) or _leads_out(unquote(inner)):
+            return None, f"leads outside its package {package!r}, which is not allowed"
+        folders = self._package(package)
+        if not folders:
+            return None, f"is missing: there is no package {package!r}"
+        path = _first([folder / inner for folder in folders])
+        return path, "" if path else f"is missing in {listed(map(str, folders))}"
 
-
-def _in_package(package: str, inner: str, packages: Packages) -> tuple[Path | None, str]:
-    inner = inner.lstrip("/")
-    if not package or not inner:
-        return None, "names no file of a package; allowed: package://NAME/FILE"
-    if _leads_out(inner) or _leads_out(unquote(inner)):
-        return None, f"leads outside its package {package!r}, which is not allowed"
-    folders = packages.of(package)
-    if not folders:
-        return None, f"is missing: there is no package {package!r}"
-    path = _first([folder / inner for folder in folders])
-    return path, "" if path else f"is missing in {listed([str(f) for f in folders])}"
+    def _package(self, name: str) -> list[Path]:
+        """The folders of a package, the first one preferred; none if it is not found."""
+        if name in (".", ".."):
+            return []
+        found: dict[Path, None] = {}
+        for folder in self.folders:
+            if _is_there(folder / name, folder=True):
+                found[folder / name] = None
+            if folder.name == name:
+                found[folder] = None
+        return list(found) or [f for f in self.folders if _declared_name(f) == name]
 
 
 def _leads_out(inner: str) -> bool:
@@ -154,13 +197,148 @@ def _leads_out(inner: str) -> bool:
     return os.path.normpath(inner).split(os.sep)[0] == os.pardir
 
 
-def _first(candidates: list[Path]) -> Path | None:
+def _first(candidates: Sequence[Path]) -> Path | None:
     """The first that is there, as it is written or with its %20 and the like decoded.
 
     A link keeps its own name, since that has the format.
     """
     for candidate in candidates:
         for path in (candidate, Path(unquote(str(candidate)))):
-            if is_there(path):
+            if _is_there(path):
                 return path.parent.resolve() / path.name
     return None
+
+
+def _is_there(path: Path, *, folder: bool = False) -> bool:
+    """Whether there is such a file (or folder); a name that no file can have is not there."""
+    try:
+        return path.is_dir() if folder else path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _ros_folders() -> list[Path]:
+    """The folders that the environment of ROS 1 and ROS 2 names."""
+
+    def listed_in(variable: str) -> list[Path]:
+        given = os.environ.get(variable, "").split(os.pathsep)
+        return [Path(folder).absolute() for folder in given if folder]
+
+    folders = []
+    for folder in listed_in("ROS_PACKAGE_PATH"):
+        try:
+            inner = sorted(path for path in folder.iterdir() if path.is_dir())
+        except OSError:
+            continue
+        folders += [folder, *inner]
+    return folders + [folder / "share" for folder in listed_in("AMENT_PREFIX_PATH")]
+
+
+def _declared_name(folder: Path) -> str | None:
+    manifest = folder / "package.xml"
+    if not _is_there(manifest):
+        return None
+    try:
+        with manifest.open("rb") as file:
+            found = _NAME.search(file.read(_MANIFEST_BYTES))
+    except OSError:
+        return None
+    return None if found is None else found[1].decode("utf-8", errors="replace")
+
+
+class MeshError(MobmanError):
+    """A mesh that cannot be read; the message names the file."""
+
+
+def read_isolated(function: str, path: Path, *arguments: Any) -> Any:
+    """The answer of a function that reads a mesh, in a process that a damaged file may crash.
+
+    Args:
+        function: ``"module:name"``.
+        path: The file.
+        arguments: What it is called with, after the path.
+
+    Raises:
+        MeshError: If it cannot be read.
+    """
+    try:
+        megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
+        if not path.is_file():
+            raise MeshError(f"cannot read the mesh {path}: it is no file")
+        if megabytes > _MOST_MEGABYTES:
+            raise MeshError(
+                f"the mesh {path} has {megabytes:.3g} MB; allowed: {_MOST_MEGABYTES:g} MB"
+            )
+        memory = _MEGABYTES + _MEGABYTES_PER_MB * megabytes
+        return helper.call(function, str(path), *arguments, seconds=seconds, megabytes=memory)
+    except MeshError:
+        raise
+    except (OSError, MobmanError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or error
+        raise MeshError(f"cannot read the mesh {path}: {reason}") from error
+
+
+def read_triangles(path: Path) -> tuple[Array, Index]:
+    """The vertices of a mesh in its own unit, shape (n, 3), and the corners of its triangles, (m, 3).
+
+    Raises:
+        MeshError: If it cannot be read.
+    """
+    vertices, faces = read_isolated(f"{__name__}:load", path)
+    return vertices, faces
+
+
+def load(path: str) -> tuple[Array, Index]:
+    """Do the work of :func:`read_triangles` in this process, by Pinocchio's reader."""
+    import coal
+
+    _check_references(Path(path))
+    model = coal.MeshLoader(coal.NODE_TYPE.BV_AABB).load(path, np.ones(3))
+    corners = [(t[0], t[1], t[2]) for t in map(model.tri_indices, range(model.num_tris))]
+    faces = np.array(corners, dtype=np.int64).reshape(-1, 3)
+    return np.array(model.vertices(), dtype=float).reshape(-1, 3), faces
+
+
+def _check_references(path: Path) -> None:
+    """
+    Raises:
+        MobmanError: If a glTF takes its numbers from a file outside its folder.
+    """
+    if path.suffix.lower() not in (".gltf", ".glb"):
+        return
+    content = path.read_bytes()
+    if content[:4] == b"glTF":  # its first chunk is the JSON
+        content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
+    described = json.loads(content)
+    for part in (*described.get("buffers", []), *described.get("images", [])):
+        uri = unquote(str(part.get("uri", "data:")))
+        place = (path.parent / uri).resolve()
+        if not uri.startswith("data:") and not place.is_relative_to(path.parent.resolve()):
+            raise MobmanError(f"it takes numbers from {uri!r}, outside its own folder")
+
+
+class MeshReader:
+    """Reads mesh files, each of them once.
+
+    Attributes:
+        unreadable: Why a mesh could not be read, by its path; filled as meshes are read.
+    """
+
+    def __init__(self) -> None:
+        self.unreadable: dict[Path, str] = {}
+        self._vertices: dict[Path, Array] = {}
+
+    def vertices(self, path: Path) -> Array | None:
+        """The vertices of a mesh in its own unit, shape (n, 3); None if it cannot be read."""
+        if path not in self._vertices and path not in self.unreadable:
+            try:
+                found, _ = read_triangles(path)
+                if len(found) and np.all(np.isfinite(found)):
+                    self._vertices[path] = found
+                else:
+                    self.unreadable[path] = (
+                        f"the mesh {path} has {len(found)} vertices, or some that are no numbers"
+                    )
+            except MeshError as error:
+                self.unreadable[path] = " ".join(str(error).split())
+        return self._vertices.get(path)

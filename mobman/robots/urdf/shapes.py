@@ -1,8 +1,7 @@
-"""The geometry of a URDF's links, and how far it reaches."""
+"""Numbers and placements in a checked URDF, the geometry of its links, and how far that reaches."""
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,11 +9,10 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.robots.urdf.placement import placement
-from mobman.robots.urdf.quantities import scalar, vector
-from mobman.robots.urdf.validation import shape_of
+from mobman.robots.urdf.validate import shape_of
 
 Use = Literal["collision", "visual"]
 
@@ -24,6 +22,29 @@ USES: tuple[Use, ...] = ("collision", "visual")
 Vertices = Callable[[str], Array | None]
 """From the ``filename`` of a ``<mesh>`` to its vertices in its own unit, shape (n, 3); None if it is
 missing or cannot be read."""
+
+
+def scalar(element: ET.Element | None, attribute: str, default: float = 0.0) -> float:
+    """The number of an attribute; the default without the attribute, or the element."""
+    return default if element is None else float(element.get(attribute, default))
+
+
+def vector(
+    element: ET.Element | None, attribute: str, default: Sequence[float] = (0.0, 0.0, 0.0)
+) -> Array:
+    """The three numbers of an attribute, shape (3,); the default without it, or the element."""
+    text = None if element is None else element.get(attribute)
+    return np.array(default if text is None else [float(part) for part in text.split()])
+
+
+def placement(part: ET.Element) -> tuple[Array, Array]:
+    """Rotation (3, 3) and position (m), shape (3,), of what has an ``<origin>``; else the identity.
+
+    Args:
+        part: A joint, an ``<inertial>``, a ``<visual>`` or a ``<collision>``.
+    """
+    origin = part.find("origin")
+    return np.array(pin.rpy.rpyToMatrix(vector(origin, "rpy"))), vector(origin, "xyz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +132,8 @@ def _points(element: ET.Element, vertices: Vertices) -> tuple[Array, float]:
 
 def bounds(shapes: Sequence[Shape]) -> tuple[Array, Array]:
     """Lower and upper corner of the box around some shapes, in their frame's axes (m), shapes (3,)."""
-    axes = np.eye(3)
-    upper = np.array([max(shape.reach(axis) for shape in shapes) for axis in axes])
-    lower = np.array([-max(shape.reach(-axis) for shape in shapes) for axis in axes])
-    return lower, upper
+    reach = [max(shape.reach(axis) for shape in shapes) for axis in (*np.eye(3), *-np.eye(3))]
+    return -np.array(reach[3:]), np.array(reach[:3])
 
 
 def extents(shapes: Sequence[Shape], point: Array, axis: Array, count: int) -> Array:
@@ -129,8 +148,6 @@ def extents(shapes: Sequence[Shape], point: Array, axis: Array, count: int) -> A
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     second = np.cross(axis, first)
-    angles = [2.0 * math.pi * i / count for i in range(count)]
-    directions = [math.cos(angle) * first + math.sin(angle) * second for angle in angles]
-    return np.array(
-        [max(shape.reach(d) for shape in shapes) - float(point @ d) for d in directions]
-    )
+    angles = 2.0 * np.pi * np.arange(count) / count
+    directions = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second)
+    return np.array([max(shape.reach(d) for shape in shapes) - point @ d for d in directions])

@@ -14,7 +14,7 @@ from mobman.errors import MobmanError, RecordError
 from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import as_spec, find_spec, list_robots, registered_as
-from mobman.robots.urdf.file import UrdfFile, UrdfSources, urdf_sources
+from mobman.robots.urdf.read import UrdfFile, UrdfSources, urdf_sources
 from mobman.simulation.arguments import plant_name
 from mobman.simulation.scenario import Scenario, load_scenario
 

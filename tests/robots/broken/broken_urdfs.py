@@ -210,12 +210,12 @@ def joint_without_a_name(robot: GoodRobot) -> None:
     robot.change_urdf('<joint name="lift" type="prismatic">', '<joint type="prismatic">')
 
 
-@case(FILE, "link 'column'", "twice", "line 67")
+@case(FILE, "duplicate link name 'column'", "line 67")
 def link_that_is_there_twice(robot: GoodRobot) -> None:
     robot.add_to_urdf('<link name="column"/>')
 
 
-@case(FILE, "joint 'elbow'", "twice")
+@case(FILE, "duplicate joint name 'elbow'")
 def joint_that_is_there_twice(robot: GoodRobot) -> None:
     robot.add_to_urdf(
         '<link name="b"/><joint name="elbow" type="fixed"><parent link="tool"/><child link="b"/></joint>'

@@ -19,14 +19,18 @@ from good_robot import URDF, GoodRobot
 import mobman as mm
 from mobman.errors import SpecError
 from mobman.input_file import read_input
-from mobman.robots.urdf.flat import flat_urdf
-from mobman.robots.urdf.reading import read_urdf
+from mobman.robots.urdf.compose import flat_urdf
+from mobman.robots.urdf.read import UrdfFile
 
 
 def written(folder: Path, content: str | bytes) -> Path:
     path = folder / "a.urdf"
     path.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
     return path
+
+
+def read_urdf(path: Path) -> ET.Element:
+    return UrdfFile(path, ()).parse()
 
 
 def read(path: Path) -> tuple[ET.Element | None, str]:

@@ -8,7 +8,7 @@ import pytest
 
 from mobman.robots.inference.findings import Options
 from mobman.robots.inference.infer import infer
-from mobman.robots.urdf.file import UrdfFile
+from mobman.robots.urdf.read import UrdfFile
 
 
 @pytest.fixture

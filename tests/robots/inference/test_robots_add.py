@@ -16,7 +16,7 @@ import mobman as mm
 from mobman.cli.robots_add import add
 from mobman.robots.catalogue import list_robots
 from mobman.robots.spec import UrdfSource
-from mobman.robots.urdf.file import urdf_file
+from mobman.robots.urdf.read import urdf_file
 
 TIAGO = "tiago_description/robots"
 

@@ -31,7 +31,7 @@ from mobman.model.platforms.wheels import (
     sides,
     wheel_place,
 )
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.toml_model import Strict, validate
 
 _RIGHT, _LEFT = "wheel_rear_right", "wheel_rear_left"  # of a platform described by its numbers

@@ -19,7 +19,7 @@ from pydantic import Field
 from mobman.arrays import Array
 from mobman.errors import FOREIGN_ERRORS, SpecError
 from mobman.model.platforms.platform import Equations, Platform, Site, Wheel, platforms
-from mobman.robots.urdf.flat import BASE_JOINTS
+from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.toml_model import Strict, validate
 
 # Central differences of order 8: with such steps the truncation, 1e-16 of a ninth and 1e-15 of a tenth

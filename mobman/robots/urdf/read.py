@@ -1,0 +1,319 @@
+"""URDFs: where they are, and their content as a checked element tree.
+
+XML of unknown origin is read by Python's own parser, with document types, and so entities, refused.
+Names are taken as they are, with their prefixes: URDFs have elements such as ``<sensor:camera>`` whose
+namespace nobody declared, and the tools that read URDFs do not mind.
+"""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+import os
+import re
+import sysconfig
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from xml.parsers import expat
+
+from mobman.errors import SpecError
+from mobman.input_file import read_input
+from mobman.robots.spec import RobotSpec, UrdfSource
+from mobman.robots.urdf.compose import tidy
+from mobman.robots.urdf.validate import Validation
+
+_MEGABYTES = 5.0
+_DEEPEST = 100
+_DECLARED = re.compile(rb"""<\?xml[^>]{0,200}?encoding\s*=\s*["']([A-Za-z0-9._-]+)["']""")
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+_CUT_OFF = ("no element found", "unclosed token", "unclosed CDATA section")
+_OTHERS = {
+    "sdf": "an SDF file (Gazebo)",
+    "mujoco": "an MJCF file (MuJoCo)",
+    "mujocoinclude": "an MJCF file (MuJoCo)",
+    "COLLADA": "a mesh (COLLADA)",
+    "launch": "a launch file (ROS)",
+    "package": "a package's description (ROS)",
+    "html": "a web page (HTML); download the file itself",
+}
+_XACRO = (
+    "macro", "property", "include", "arg", "if", "unless", "call", "element", "attribute",
+    "insert_block",
+)  # fmt: skip
+_ELSEWHERE = ("gazebo", "transmission", "ros2_control", "sensor")  # what other programs read
+
+
+@dataclass(frozen=True)
+class UrdfFile:
+    """A URDF on disk, and where the packages of its meshes are looked for.
+
+    Attributes:
+        path: The file.
+        package_folders: Folders that may hold a package NAME of ``package://NAME/...``.
+        kept: Its content, where that is not read from disk: a run's record keeps it.
+        within: The folders that its meshes must lie in, apart from those of ROS; None for any.
+    """
+
+    path: Path
+    package_folders: tuple[Path, ...]
+    kept: bytes | None = field(default=None, repr=False)
+    within: tuple[Path, ...] | None = None
+
+    @cached_property
+    def content(self) -> bytes:
+        """The file's content as it was when first asked for: what the robot was made of.
+
+        Raises:
+            SpecError: If the file cannot be read.
+        """
+        if self.kept is not None:
+            return self.kept
+        return read_input(self.path, "URDF", _MEGABYTES, "geometry belongs in meshes")
+
+    def sha256(self) -> str:
+        """Hash of the file's content, hexadecimal."""
+        return hashlib.sha256(self.content).hexdigest()
+
+    def parse(self) -> ET.Element:
+        """The ``<robot>`` element, checked; a new one at each call.
+
+        It is as in the file but for what :func:`mobman.robots.urdf.compose.tidy` does; elements that
+        URDFs do not know (``<gazebo>``, ``<transmission>``, ...) are kept and not looked at.
+
+        Raises:
+            SpecError: If the file cannot be read or is not a URDF that makes sense. The message names
+                the file and, of every problem, the line, the link or joint, the field, what was found,
+                and what is allowed.
+        """
+        where = f"the URDF {self.path}"
+        robot, lines = parse_xml(self.content, where)
+        if robot.tag != "robot":
+            other = _OTHERS.get(robot.tag)
+            advice = f": it is {other}; convert it, or find the robot's URDF" if other else ""
+            raise SpecError(f"{where} starts with <{robot.tag}>, not with <robot>{advice}")
+
+        def not_expanded(element: ET.Element, found: str) -> SpecError:
+            return SpecError(
+                f"{where}, line {lines[element]}: {found} is for xacro, which makes a URDF of it; run "
+                f"xacro first: xacro {self.path.name} > robot.urdf"
+            )
+
+        for element, found in _macros(robot):
+            raise not_expanded(element, found)
+        call = next((e for e in robot if e.tag.startswith(tuple(_prefixes(robot)))), None)
+        if call is not None and robot.find("link") is None:
+            raise not_expanded(call, f"<{call.tag}>")
+        if robot.find("link") is None:
+            advice = ""
+            if robot.find("group") is not None or robot.find("disable_collisions") is not None:
+                advice = ": it is an SRDF (MoveIt's groups and poses); give the robot's URDF"
+            raise SpecError(f"{where} has no <link>{advice}")
+        validation = Validation(where, lines)
+        validation.check(robot)
+        if validation.found and call is not None:
+            raise not_expanded(call, f"<{call.tag}>")
+        validation.raise_any()
+        tidy(robot, self.path.stem)
+        return robot
+
+
+@dataclass(frozen=True)
+class UrdfSources:
+    """The files that a robot is made of: its URDF or the platform's, then what is mounted on it."""
+
+    files: tuple[UrdfFile, ...]
+
+    @property
+    def path(self) -> Path | None:
+        """The first file, the platform's; None if there is none."""
+        return self.files[0].path if self.files else None
+
+    def sha256(self) -> str:
+        """Hash of one file's content, or of the hashes of several, hexadecimal."""
+        if len(self.files) == 1:
+            return self.files[0].sha256()
+        return hashlib.sha256("".join(file.sha256() for file in self.files).encode()).hexdigest()
+
+    def __str__(self) -> str:
+        return ", ".join(str(file.path) for file in self.files) or "(described by its numbers)"
+
+
+def urdf_sources(spec: RobotSpec) -> UrdfSources:
+    """The files that a description points at.
+
+    Raises:
+        SpecError: If one does not exist.
+    """
+    where = f"{spec.where}: field"
+    named = [] if spec.urdf is None else [(f"{where} 'urdf", spec.urdf)]
+    named += [(f"{where} 'mount[{i}]", mount) for i, mount in enumerate(spec.mount)]
+    return UrdfSources(tuple(urdf_file(part, spec.folder, field) for field, part in named))
+
+
+def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
+    """The file that a part of a description points at.
+
+    Args:
+        source: The part.
+        folder: What relative paths start from.
+        field: What to call the part in messages, such as ``"robot 'tiago': field 'urdf"``, without
+            the closing quote.
+
+    Raises:
+        SpecError: If it does not exist.
+    """
+    packages = [_resolved(folder / name, f"{field}.packages'") for name in source.packages]
+    for package in packages:
+        if not package.is_dir():
+            raise SpecError(f"{field}.packages': there is no folder {package}")
+    if source.package is None:
+        path = _resolved(folder / source.path, f"{field}.path'")
+        packages += [path.parent, *path.parent.parents]
+    else:
+        share = _share_folder(field, source.package)
+        path = _resolved(share / source.package / "robots" / source.path, f"{field}.path'")
+        if not path.is_relative_to((share / source.package).resolve()):
+            raise SpecError(f"{field}.path': {source.path!r} leads outside {source.package}")
+        packages += [share]
+    if not os.path.exists(path):
+        raise SpecError(f"{field}.path': there is no URDF at {path}")
+    return UrdfFile(path, tuple(packages))
+
+
+def _resolved(path: Path, field: str) -> Path:
+    """A path without links and ``..``; one with a NUL or with links in a circle is no file's."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise SpecError(f"{field}: {str(path)!r} is no path of a file: {error}") from error
+
+
+def _share_folder(field: str, package: str) -> Path:
+    """The ``share`` folder of a data package that ships no Python module."""
+    import pinocchio
+
+    candidates = [
+        Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix" / "share",
+        # .../cmeel.prefix/lib/pythonX.Y/site-packages/pinocchio/__init__.py
+        Path(pinocchio.__file__).parents[4] / "share",
+    ]
+    for share in candidates:
+        if (share / package).is_dir():
+            return share
+    raise SpecError(
+        f"{field}.package': {package} is not installed (looked in "
+        f"{', '.join(map(str, candidates))}); install it with: pip install {package}"
+    )
+
+
+def _macros(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
+    """Elements and expressions of the language of xacro, which most URDFs are written in.
+
+    A mere call of a macro that nobody defines is none: older versions of xacro leave such calls in what
+    they make.
+    """
+    language = {prefix + name for prefix in _prefixes(robot) for name in _XACRO}
+    for element in (e for part in robot if part.tag not in _ELSEWHERE for e in part.iter()):
+        if element.tag in language:
+            yield element, f"<{element.tag}>"
+        elif element.tag != "mesh":  # its $(find PACKAGE) is as good as package://PACKAGE
+            yield from (
+                (element, repr(v)) for v in element.attrib.values() if "${" in v or "$(" in v
+            )
+
+
+def _prefixes(robot: ET.Element) -> list[str]:
+    """The prefixes of xacro's elements, with their colons."""
+    names = (name for name, value in robot.items() if "xacro" in value)
+    return ["xacro:", *(f"{n.removeprefix('xmlns:')}:" for n in names if n.startswith("xmlns:"))]
+
+
+def parse_xml(content: bytes, where: str) -> tuple[ET.Element, dict[ET.Element, int]]:
+    """The root element of an XML file, and the line on which each element starts, from 1.
+
+    Args:
+        content: The file's content.
+        where: What to call the file in messages.
+
+    Raises:
+        SpecError: If it is not XML, declares a document type, or is nested without end.
+    """
+    text = _text(content, where)
+    start = text.lstrip("\ufeff \t\r\n")
+    if not start.startswith("<"):
+        shown = repr(start[:20] + ("..." if len(start) > 20 else ""))
+        raise SpecError(f"{where} is not valid XML: it starts with {shown}, not with <robot>")
+    lines_before = text[: len(text) - len(start)].count("\n")
+    parser, builder = expat.ParserCreate(), ET.TreeBuilder()
+    parser.buffer_text = True
+    lines: dict[ET.Element, int] = {}
+    unclosed: list[ET.Element] = []
+
+    def invalid(reason: str, line: int, column: int) -> SpecError:
+        said = f"{reason} (line {lines_before + line}, column {column + 1})"
+        if reason in _CUT_OFF:
+            said += "; the file ends too early, as if it were cut off"
+        if reason == "not well-formed (invalid token)":
+            said += "; in values, write &amp; for & and &lt; for <"
+        if unclosed and reason in (*_CUT_OFF, "mismatched tag"):
+            said += f"; <{unclosed[-1].tag}> of line {lines[unclosed[-1]]} is not closed"
+        return SpecError(f"{where} is not valid XML: {said}")
+
+    def doctype(name: str, *_: object) -> None:
+        if name.lower() == "html":
+            raise SpecError(f"{where} is a web page (HTML): download the file itself")
+        raise SpecError(
+            f"{where} has a document type or entity declaration (<!DOCTYPE>), line "
+            f"{lines_before + parser.CurrentLineNumber}: these are not read; remove it, with what it "
+            "declares written out"
+        )
+
+    def open_element(tag: str, attributes: dict[str, str]) -> None:
+        unclosed.append(builder.start(tag, attributes))
+        lines[unclosed[-1]] = lines_before + parser.CurrentLineNumber
+        if len(unclosed) > _DEEPEST:
+            reason = f"more than {_DEEPEST} nested elements"
+            raise invalid(reason, parser.CurrentLineNumber, parser.CurrentColumnNumber)
+
+    def close_element(tag: str) -> None:
+        builder.end(tag)
+        unclosed.pop()
+
+    parser.StartDoctypeDeclHandler = doctype
+    parser.StartElementHandler, parser.EndElementHandler = open_element, close_element
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(start, True)
+    except expat.ExpatError as error:
+        raise invalid(expat.ErrorString(error.code), error.lineno, error.offset) from error
+    return builder.close(), lines
+
+
+def _text(content: bytes, where: str) -> str:
+    """The file's text, by the encoding that it names; UTF-8 by default."""
+    if content.startswith(_UTF_16):
+        encoding = "utf-16"
+    else:
+        if _NO_TEXT.search(content, 0, 4096):
+            raise SpecError(f"{where} is a binary file; a URDF is a text file (XML)")
+        declared = _DECLARED.search(content, 0, 400)
+        encoding = declared[1].decode("ascii") if declared else "utf-8"
+    try:
+        return content.decode(encoding)
+    except LookupError as error:
+        raise SpecError(
+            f"{where} names the encoding {encoding!r}, which is not known; save it as UTF-8"
+        ) from error
+    except UnicodeError as error:
+        place = ""
+        if isinstance(error, UnicodeDecodeError):
+            line = content.count(b"\n", 0, error.start) + 1
+            place = f" (byte 0x{content[error.start]:02x} in line {line})"
+        raise SpecError(
+            f"{where} is not in the encoding {encoding.upper()}{place}; save it as UTF-8, or name its "
+            'encoding in the first line, such as <?xml version="1.0" encoding="ISO-8859-1"?>'
+        ) from error

@@ -1,0 +1,381 @@
+"""Validation of a URDF as a robot: names, numbers, and one tree.
+
+Pinocchio's reader of URDFs prints lines of its own, leaves out the mass of a link with a misspelt
+number, and takes two links of one name or a robot of two parts for what it is not. What passes here
+means the same to every reader.
+
+Refused is only what makes no sense: inertias that no body can have but that programs write (zero, or
+against the triangle inequality) are the business of ``mobman robots check``.
+
+Only what every reader of URDFs takes is a number: digits with a decimal point and an exponent, as XML
+Schema writes a double, whatever the locale. ``nan``, ``inf``, ``0x10``, ``1_000``, ``0,5`` and
+``0.1 m`` are none.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from mobman.errors import SpecError
+
+JOINT_TYPES = ("fixed", "revolute", "prismatic", "continuous")
+SHAPES = ("box", "cylinder", "sphere", "mesh")
+_LIMITED = ("revolute", "prismatic")
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+")
+_ROUNDING = 1e-12  # moments (kg m^2) below zero by no more than this come from a program's rounding
+_TOLD = 5  # problems, and names in a list
+_LOOKED_THROUGH = 5000
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """What an attribute may hold.
+
+    Attributes:
+        unit: Of each number; empty for a pure number.
+        count: How many numbers there are.
+        least: The smallest value, if there is one.
+        positive: Whether they must be above 0.
+        required: Whether the attribute must be there.
+    """
+
+    unit: str
+    count: int = 1
+    least: float = -math.inf
+    positive: bool = False
+    required: bool = False
+
+    def allow(self, values: Sequence[float] | None) -> bool:
+        """Whether these may be the values."""
+        return (
+            values is not None
+            and len(values) == self.count
+            and all(value > 0 if self.positive else value >= self.least for value in values)
+        )
+
+    def __str__(self) -> str:
+        allowed = "a finite number" if self.count == 1 else f"{self.count} finite numbers"
+        if self.positive:
+            allowed += " above 0"
+        elif self.least > -math.inf:
+            allowed += ", 0 or more"
+        return allowed + (f" ({self.unit})" if self.unit else "")
+
+
+_MOMENT = Numbers("kg m^2", required=True, least=-_ROUNDING)
+_PRODUCT = Numbers("kg m^2", required=True)
+_SIZE = Numbers("m", required=True, positive=True)
+
+NUMBERS: dict[str, dict[str, Numbers]] = {
+    "origin": {"xyz": Numbers("m", count=3), "rpy": Numbers("rad", count=3)},
+    "axis": {"xyz": Numbers("", count=3)},
+    "limit": {
+        "lower": Numbers("m or rad"),
+        "upper": Numbers("m or rad"),
+        "effort": Numbers("N or N m", least=0.0),
+        "velocity": Numbers("m/s or rad/s", least=0.0),
+    },
+    "dynamics": {
+        "damping": Numbers("N s/m or N m s/rad", least=0.0),
+        "friction": Numbers("N or N m", least=0.0),
+    },
+    "mimic": {"multiplier": Numbers(""), "offset": Numbers("m or rad")},
+    "mass": {"value": Numbers("kg", required=True, least=0.0)},
+    "inertia": {
+        **dict.fromkeys(("ixx", "iyy", "izz"), _MOMENT),
+        **dict.fromkeys(("ixy", "ixz", "iyz"), _PRODUCT),
+    },
+    "box": {"size": Numbers("m", count=3, required=True, positive=True)},
+    "cylinder": {"radius": _SIZE, "length": _SIZE},
+    "sphere": {"radius": _SIZE},
+    "mesh": {"scale": Numbers("", count=3)},
+}
+"""By element and attribute."""
+
+
+def numbers(text: str) -> list[float] | None:
+    """The finite numbers that a text holds, separated by spaces, or None."""
+    parts = text.split()
+    if not all(_NUMBER.fullmatch(part) for part in parts):
+        return None
+    values = [float(part) for part in parts]
+    return values if all(map(math.isfinite, values)) else None
+
+
+def number(text: str) -> float | None:
+    """The finite number that a text is, or None."""
+    values = numbers(text)
+    return values[0] if values is not None and len(values) == 1 else None
+
+
+def shape_of(use: ET.Element) -> ET.Element | None:
+    """The shape of a ``<visual>`` or ``<collision>`` element.
+
+    None if it has none, or one that URDFs do not know, such as ``<capsule>``.
+    """
+    geometry = use.find("geometry")
+    shape = None if geometry is None else next(iter(geometry), None)
+    return shape if shape is not None and shape.tag in SHAPES else None
+
+
+def listed(names: Iterable[str], most: int = _TOLD) -> str:
+    """Names in one line; of many, the first few and how many more there are."""
+    given = list(names)
+    more = f", ... and {len(given) - most} more" if len(given) > most else ""
+    return ", ".join(given[:most]) + more
+
+
+class Validation:
+    """What is wrong with a URDF, gathered so that all of it is told at once.
+
+    Args:
+        where: What to call the file in messages.
+        lines: The line of each of its elements.
+
+    Attributes:
+        found: Lines, and what is wrong there.
+    """
+
+    def __init__(self, where: str, lines: Mapping[ET.Element, int]) -> None:
+        self.found: list[tuple[int, str]] = []
+        self._where = where
+        self._lines = lines
+
+    def raise_any(self) -> None:
+        """
+        Raises:
+            SpecError: If there are problems, with the first few of them in the file's order.
+        """
+        in_order = sorted(self.found, key=lambda problem: problem[0])
+        found = [f"line {line}: {text}" for line, text in in_order]
+        if len(found) == 1:
+            raise SpecError(f"{self._where}, {found[0]}")
+        if found:
+            told = [f"({i}) {text}" for i, text in enumerate(found[:_TOLD], start=1)]
+            more = f"; ... and {len(found) - _TOLD} more" if len(found) > _TOLD else ""
+            raise SpecError(f"{self._where} has {len(found)} problems: {'; '.join(told)}{more}")
+
+    def check(self, robot: ET.Element) -> None:
+        """Note what is wrong with a ``<robot>`` element; its links may be none."""
+        version = robot.get("version")
+        if version is not None and not 1.0 <= (number(version) or 0.0) < 2.0:
+            self._add(robot, f"<robot> version is {_shown(version)}; allowed: 1.x, or none")
+        links, joints = robot.findall("link"), robot.findall("joint")
+        link_names, joint_names = self._names("link", links), self._names("joint", joints)
+        for link in links:
+            self._check_link(link)
+        for joint in joints:
+            self._check_joint(joint, joint_names)
+        self._check_tree(links, joints, link_names)
+
+    def _add(self, element: ET.Element, text: str) -> None:
+        """Note a problem: the link or joint, the field, what was found, and what is allowed."""
+        self.found.append((self._lines[element], text))
+
+    def _near(self, name: str, names: Collection[str], otherwise: str = "") -> str:
+        """The names that one may have been meant for, as the end of a message.
+
+        Of a file with many problems only the first few are told, and looking takes its time.
+        """
+        if len(self.found) >= 2 * _TOLD or len(names) > _LOOKED_THROUGH:
+            return otherwise
+        found = difflib.get_close_matches(name, sorted(names), n=3, cutoff=0.6)
+        return f"; near it: {listed(found)}" if found else otherwise
+
+    def _names(self, kind: str, elements: Iterable[ET.Element]) -> set[str]:
+        first: dict[str, ET.Element] = {}
+        for element in elements:
+            name = element.get("name", "")
+            if not name.strip():
+                self._add(element, f"a <{kind}> has no name")
+            elif name in first:
+                line = self._lines[first[name]]
+                self._add(
+                    element,
+                    f"duplicate {kind} name {name!r} (first defined on line {line}); give each a name "
+                    "of its own",
+                )
+            else:
+                first[name] = element
+        return set(first)
+
+    def _check_numbers(self, element: ET.Element | None, owner: str) -> None:
+        """Note what is wrong with the numbers of an element."""
+        if element is None:
+            return
+        for attribute, allowed in NUMBERS[element.tag].items():
+            text = element.get(attribute)
+            if text is None and allowed.required:
+                self._add(
+                    element, f"{owner}: <{element.tag}> has no {attribute!r}; allowed: {allowed}"
+                )
+            elif text is not None and not allowed.allow(numbers(text)):
+                comma = any(_WITH_COMMA.fullmatch(part) for part in text.split())
+                self._add(
+                    element,
+                    f"{owner}: <{element.tag}> {attribute} is {_shown(text)}; allowed: {allowed}"
+                    + (", with a decimal point" if comma else ""),
+                )
+
+    def _check_link(self, link: ET.Element) -> None:
+        owner = f"link {link.get('name', '')!r}"
+        inertial = link.find("inertial")
+        if inertial is not None:
+            self._check_origin(inertial, f"{owner}: inertial")
+            for tag in ("mass", "inertia"):
+                element = inertial.find(tag)
+                if element is None:
+                    self._add(
+                        inertial,
+                        f"{owner}: <inertial> has no <{tag}>; give it one ({', '.join(NUMBERS[tag])}), "
+                        "or leave out <inertial> for a link without mass",
+                    )
+                self._check_numbers(element, owner)
+        for use in ("visual", "collision"):
+            for part in link.findall(use):
+                self._check_origin(part, f"{owner}: {use}")
+                self._check_shape(shape_of(part), f"{owner}: {use}")
+
+    def _check_shape(self, shape: ET.Element | None, owner: str) -> None:
+        self._check_numbers(shape, owner)
+        if shape is None or shape.tag != "mesh":
+            return
+        if not shape.get("filename", "").strip():
+            self._add(shape, f"{owner}: <mesh> has no 'filename'")
+        scale = shape.get("scale", "1 1 1")
+        if 0.0 in (numbers(scale) or []):
+            self._add(shape, f"{owner}: <mesh> scale is {_shown(scale)}; allowed: not 0")
+
+    def _check_origin(self, element: ET.Element, owner: str) -> None:
+        origin = element.find("origin")
+        self._check_numbers(origin, owner)
+        if origin is not None and "quat_xyzw" in origin.attrib:
+            self._add(
+                origin, f"{owner}: <origin> has 'quat_xyzw', which few tools read; give 'rpy' (rad)"
+            )
+
+    def _check_joint(self, joint: ET.Element, joint_names: set[str]) -> None:
+        name, kind = joint.get("name", ""), joint.get("type")
+        owner = f"joint {name!r}"
+        self._check_origin(joint, owner)
+        if kind not in JOINT_TYPES:
+            advice = ""
+            if kind in ("floating", "planar"):
+                advice = "; make it fixed: mobman adds the platform's motion itself"
+            found = "has no type" if kind is None else f"is {kind!r}"
+            self._add(joint, f"{owner} {found}; allowed: {', '.join(JOINT_TYPES)}{advice}")
+            return
+        if kind == "fixed":
+            return
+        axis, mimic = joint.find("axis"), joint.find("mimic")
+        self._check_numbers(axis, owner)
+        xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+        if axis is not None and numbers(xyz) == [0.0] * 3:
+            self._add(
+                axis,
+                f"{owner}: <axis> xyz is {_shown(xyz)}, which is no direction; allowed: a vector that "
+                "is not 0",
+            )
+        self._check_limit(joint, kind, owner)
+        self._check_numbers(joint.find("dynamics"), owner)
+        self._check_numbers(mimic, owner)
+        followed = "" if mimic is None else mimic.get("joint", "")
+        if mimic is not None and followed not in joint_names:
+            near = self._near(followed, joint_names)
+            self._add(mimic, f"{owner}: <mimic> joint is {followed!r}, which is no joint{near}")
+        elif mimic is not None and followed == name:
+            self._add(mimic, f"{owner}: <mimic> joint is the joint itself; allowed: another one")
+
+    def _check_limit(self, joint: ET.Element, kind: str, owner: str) -> None:
+        limit = joint.find("limit")
+        self._check_numbers(limit, owner)
+        if kind not in _LIMITED:
+            return
+        if limit is None:
+            also = ", or make it continuous" if kind == "revolute" else ""
+            self._add(
+                joint,
+                f"{owner} is {kind} and has no <limit>; give it one (lower, upper, effort, "
+                f"velocity){also}",
+            )
+            return
+        lower, upper = (number(limit.get(bound, "0")) for bound in ("lower", "upper"))
+        if lower is not None and upper is not None and lower > upper:
+            self._add(
+                limit,
+                f"{owner}: <limit> lower is {lower:g}, upper {upper:g}; allowed: lower <= upper",
+            )
+
+    def _check_tree(
+        self, links: Sequence[ET.Element], joints: Sequence[ET.Element], link_names: set[str]
+    ) -> None:
+        """Note what keeps the joints from making one tree of the links."""
+        before = len(self.found)
+        by_child: dict[str, ET.Element] = {}
+        parents: dict[str, str] = {}
+        for joint in joints:
+            parent = self._end(joint, "parent", link_names)
+            child = self._end(joint, "child", link_names)
+            if child in by_child:
+                first = by_child[child]
+                self._add(
+                    joint,
+                    f"joint {joint.get('name', '')!r}: its child {child!r} is the child of joint "
+                    f"{first.get('name')!r} (line {self._lines[first]}) as well; a link has one parent",
+                )
+            elif child:
+                by_child[child] = joint
+                parents[child] = parent
+        if len(self.found) > before or not all(link.get("name") for link in links):
+            return  # the rest would follow from that
+        self._check_loops(parents, by_child)
+        roots = [link for link in links if link.get("name") not in by_child]
+        if len(roots) > 1:
+            names = listed(link.get("name", "") for link in roots)
+            self._add(
+                roots[1],
+                f"{len(roots)} root links ({names}); allowed: one: connect the others by joints",
+            )
+
+    def _end(self, joint: ET.Element, tag: str, link_names: set[str]) -> str:
+        """The link at one end of a joint; empty if it is none."""
+        owner = f"joint {joint.get('name', '')!r}"
+        element = joint.find(tag)
+        name = "" if element is None else element.get("link", "")
+        if element is None or not name:
+            self._add(joint, f'{owner} has no {tag}; give it <{tag} link="..."/>')
+        elif name not in link_names:
+            advice = self._near(name, link_names, "; add the link, or remove the joint")
+            self._add(element, f"{owner}: its {tag} {name!r} is no link{advice}")
+        return name if name in link_names else ""
+
+    def _check_loops(self, parents: Mapping[str, str], by_child: Mapping[str, ET.Element]) -> None:
+        """Note every circle of links, once; without a root link there is one."""
+        rooted: set[str] = set()
+        for start in parents:
+            path: dict[str, None] = {}  # an ordered set
+            name = start
+            while name in parents and name not in rooted and name not in path:
+                path[name] = None
+                name = parents[name]
+            if name in path:
+                circle = list(path)[list(path).index(name) :]
+                shown = listed(repr(link) for link in reversed(circle))
+                removable = listed(repr(by_child[link].get("name")) for link in circle)
+                self._add(
+                    by_child[circle[0]],
+                    f"the links {shown} are each other's parents in a circle, apart from any root; "
+                    f"remove one of the joints {removable}",
+                )
+            rooted |= path.keys()
+
+
+def _shown(text: str) -> str:
+    """A text for messages, shortened if it is long."""
+    return repr(text if len(text) <= 40 else text[:37] + "...")
