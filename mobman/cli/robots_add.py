@@ -17,7 +17,7 @@ from mobman.cli.output import console, print_json
 from mobman.errors import MobmanError, UsageError
 
 if TYPE_CHECKING:
-    from mobman.robots.inference.infer import Inference
+    from mobman.robots.infer.infer import Inference
 
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 _GENERIC = r"((robot|model|urdf|main|description)([_.-]|$))+"
@@ -73,9 +73,8 @@ def add(urdf: Path, name: str | None, output: Path | None, force: bool, **given:
     Each value has a comment that says why it was taken. What the URDF does not tell is asked for.
     """
     from mobman.robots.catalogue import user_robots_folder
-    from mobman.robots.inference.infer import infer
-    from mobman.robots.inference.location import urdf_source
-    from mobman.robots.inference.toml_text import robot_toml
+    from mobman.robots.infer.infer import infer
+    from mobman.robots.infer.write import robot_toml, urdf_source
     from mobman.robots.spec import UrdfSource
     from mobman.robots.urdf.read import urdf_file
 
@@ -116,7 +115,7 @@ def _check_options(output: Path | None, given: dict[str, Any]) -> None:
 
 
 def _options(given: dict[str, Any]) -> Any:
-    from mobman.robots.inference.findings import Options
+    from mobman.robots.infer.findings import Options
 
     return Options(
         tip=given["tip"],

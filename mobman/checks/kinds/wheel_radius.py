@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from mobman.checks.check import Remark, check, does_not_apply, named_wheels, ok, warning, wrong
 from mobman.checks.subject import Subject
 from mobman.model.platforms.platform import Wheel
-from mobman.robots.inference.radius import extent_about, radius_about
-from mobman.robots.urdf.shapes import USES, Use
+from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about
 
 _WARNING = 2e-3  # m
 _WRONG = 0.1  # of the radius

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,11 @@ Use = Literal["collision", "visual"]
 
 USES: tuple[Use, ...] = ("collision", "visual")
 """In the order in which they are believed: visual meshes may have hubs, covers and decoration."""
+
+_ALONG = math.cos(math.radians(5.0))
+_OFF_AXIS = 0.3  # of the radius: how far a wheel's shape may be off its axis
+_ROUND = 0.93  # smallest over largest extent of what is round
+_DIRECTIONS = 72  # in which a shape's extent is looked for
 
 Vertices = Callable[[str], Array | None]
 """From the ``filename`` of a ``<mesh>`` to its vertices in its own unit, shape (n, 3); None if it is
@@ -151,3 +157,31 @@ def extents(shapes: Sequence[Shape], point: Array, axis: Array, count: int) -> A
     angles = 2.0 * np.pi * np.arange(count) / count
     directions = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second)
     return np.array([max(shape.reach(d) for shape in shapes) - point @ d for d in directions])
+
+
+def radius_about(shape: Shape, centre: Array, axis: Array) -> float | None:
+    """The radius of a shape about an axis (m), if it is round about it; None if it is not.
+
+    Args:
+        shape: In any frame; not of a mesh that could not be read.
+        centre: A point of the axis there (m), shape (3,).
+        axis: Its direction there, a unit vector, shape (3,).
+    """
+    if shape.kind == "mesh":
+        return extent_about([shape], centre, axis)
+    off = shape.centre - centre
+    off = off - (off @ axis) * axis
+    aligned = shape.axis is None or abs(shape.axis @ axis) > _ALONG
+    # a box has no radius, and nothing is less off than that
+    central = float(np.linalg.norm(off)) < _OFF_AXIS * shape.radius
+    return shape.radius if aligned and central else None
+
+
+def extent_about(shapes: Sequence[Shape], centre: Array, axis: Array) -> float | None:
+    """How far shapes reach together from an axis (m), if that is the same all around; else None.
+
+    Arguments as for :func:`radius_about`.
+    """
+    support = extents(shapes, centre, axis, _DIRECTIONS)
+    largest = float(support.max())
+    return largest if largest > 0.0 and support.min() > _ROUND * largest else None

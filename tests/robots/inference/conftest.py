@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from mobman.robots.inference.findings import Options
-from mobman.robots.inference.infer import infer
+from mobman.robots.infer.findings import Options
+from mobman.robots.infer.infer import infer
 from mobman.robots.urdf.read import UrdfFile
 
 

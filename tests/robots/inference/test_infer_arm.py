@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from made_urdf import Robot, differential
 
-from mobman.robots.inference.chain import Chain
-from mobman.robots.inference.findings import Finding, Undecided
-from mobman.robots.inference.held import posed
-from mobman.robots.inference.patterns import patterns
-from mobman.robots.inference.tree import Tree
+from mobman.robots.infer.findings import Finding, Undecided
+from mobman.robots.infer.kinematics import Chain, Tree
+from mobman.robots.infer.write import patterns
 
 
 def reasons(found):
@@ -203,8 +201,8 @@ def test_locks_of_the_user_come_on_top(inferred):
 
 
 def placed(found, tmp_path):
-    tree = Tree(found.urdf.parse(), "")
-    chain = Chain(found.arm.joints, tree.position[found.arm.tip.value])
+    tree = Tree(found.urdf.parse(), found.urdf)
+    chain = Chain(tree, found.arm.joints, found.arm.tip.value, {})
     return chain, np.array([[found.rest[joint.name].value for joint in found.arm.joints]])
 
 
@@ -343,13 +341,12 @@ def test_a_circle_of_mimic_joints_ends(inferred):
     assert all(abs(inferred(robot).rest[name].value) <= 1.0 for name in "ab")
 
 
-def test_posed_agrees_with_pinocchio(inferred):
+def test_chains_agree_with_pinocchio(inferred):
     import pinocchio as pin
 
     found = inferred(following(0.5))
-    tree = Tree(found.urdf.parse(), "")
-    held = {"outer_joint": Finding(0.21)}
-    joints, tip = posed(tree, found.arm.joints, "tool0", held)
+    joints, held = found.arm.joints, {"outer_joint": Finding(0.21)}
+    chain = Chain(Tree(found.urdf.parse(), found.urdf), joints, "tool0", held)
     model = pin.buildModelFromUrdf(str(found.urdf.path))
     data, q = model.createData(), pin.neutral(model)
     values = np.random.default_rng(2).uniform(-1.0, 1.0, len(joints))
@@ -358,7 +355,7 @@ def test_posed_agrees_with_pinocchio(inferred):
         q[model.joints[model.getJointId(name)].idx_q] = value
     pin.framesForwardKinematics(model, data, q)
     expected = data.oMf[model.getFrameId("tool0")].translation
-    assert Chain(joints, tip).places(values[None])[2][0] == pytest.approx(expected, abs=1e-12)
+    assert chain.places(values[None])[2][0] == pytest.approx(expected, abs=1e-12)
 
 
 def test_a_tip_is_better_than_the_jaw_that_it_is_on(inferred):

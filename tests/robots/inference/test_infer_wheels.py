@@ -20,7 +20,7 @@ from made_urdf import (
     write_wheel_stl,
 )
 
-from mobman.robots.inference.findings import Undecided
+from mobman.robots.infer.findings import Undecided
 
 
 def locked(found, why):

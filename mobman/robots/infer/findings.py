@@ -1,12 +1,21 @@
-"""What names say. Geometry comes first: names break ties."""
+"""What inference is given and what it finds: options, values with their reasons, and what names say."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from mobman.errors import UsageError
+
+PLATFORMS = ("differential", "skid-steer", "omnidirectional", "car-like", "unicycle", "fixed")
+"""Platform types that are found, or that may be asked for."""
+WITHOUT_WHEELS = ("unicycle", "fixed")
+"""Those whose wheels are no coordinates."""
 
 CASTER = r"cast[eo]r|passive|idler|support|swivel|free_?wheel|dummy|trailing"
-STEERING = r"steer|knuckle|ackerman|kingpin"
+WHEEL = r"wheel(?!_?base)"
 MECANUM = r"mecanum|mechanum|swedish|omni"
 PLANAR_DRIVE = r"mecanum|mechanum|planar_?move|omni_?(drive|directional)|holonomic"
 FINGER = (
@@ -38,6 +47,52 @@ _FRONT, _REAR = (
     r"rear|back|(^|_)(b|bl|br|rl|rr|lr|lb|rb)(_|\d|$)",
 )
 _RIGHT, _LEFT = r"right|(^|_)(r|fr|rf|br|rb|rr)(_|\d|$)", r"left|(^|_)(l|fl|lf|bl|lb|rl|lr)(_|\d|$)"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user says of a robot instead of having it inferred.
+
+    Attributes:
+        tip: Link whose origin is the end-effector.
+        right_wheels, left_wheels: Driven wheels on each side (joints).
+        wheels: Wheels of an omnidirectional platform (joints).
+        steering: Joints that steer.
+        platform: Platform type.
+        wheel_radius: m.
+        heading: Direction of forward in the root link's frame (rad).
+        lock: More joints that do not move: names or patterns.
+    """
+
+    tip: str | None = None
+    right_wheels: tuple[str, ...] = ()
+    left_wheels: tuple[str, ...] = ()
+    wheels: tuple[str, ...] = ()
+    steering: tuple[str, ...] = ()
+    platform: str | None = None
+    wheel_radius: float | None = None
+    heading: float | None = None
+    lock: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A value and why it was taken."""
+
+    value: Any
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Lock:
+    """Joints that do not move, and why."""
+
+    joints: tuple[str, ...]
+    why: str
+
+
+class Undecided(UsageError):
+    """Something that the URDF does not tell; the message names the option that does."""
 
 
 def says(pattern: str, *names: str) -> bool:

@@ -1,7 +1,8 @@
-"""From a URDF to everything that its TOML says."""
+"""Inference of everything that a robot's TOML says from its URDF."""
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,23 +12,45 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.robots.inference import hints
-from mobman.robots.inference.arms import Arm, Branches, choose_arm
-from mobman.robots.inference.chain import Chain
-from mobman.robots.inference.couplings import Following, steering_couplings
-from mobman.robots.inference.criterion import weights
-from mobman.robots.inference.drive import Drive
-from mobman.robots.inference.findings import Finding, Lock, Options, Undecided
-from mobman.robots.inference.geometry import Geometry
-from mobman.robots.inference.ground import Ground, footprint, lowest_point, settle_radius
-from mobman.robots.inference.held import held, lost_to_mimics, posed
-from mobman.robots.inference.posture import Place, rest_posture
-from mobman.robots.inference.recognise import find_drive
-from mobman.robots.inference.tree import Joint, Tree
-from mobman.robots.inference.virtual import virtual_joints
-from mobman.robots.inference.wheels import Rolling, rolling_wheels
+from mobman.robots.infer.arm import (
+    Arm,
+    Branches,
+    Surroundings,
+    choose_arm,
+    rest_posture,
+    steering_couplings,
+)
+from mobman.robots.infer.base import find_drive
+from mobman.robots.infer.drive import Drive
+from mobman.robots.infer.findings import (
+    MECANUM,
+    PLANAR_DRIVE,
+    Finding,
+    Lock,
+    Options,
+    Undecided,
+    says,
+)
+from mobman.robots.infer.kinematics import (
+    Chain,
+    Joint,
+    Tree,
+    held,
+    lost_to_mimics,
+    virtual_joints,
+)
+from mobman.robots.infer.wheels import (
+    Rolling,
+    footprint,
+    lowest_point,
+    rolling_wheels,
+    settle_radius,
+)
+from mobman.robots.spec import Coupling, CriterionSource
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, bounds
+
+_LONG = 1.0  # m; an arm of this reach moves its tip by a metre a radian
 
 
 @dataclass(frozen=True)
@@ -39,14 +62,13 @@ class Inference:
         robot_name: As the URDF names it.
         joints: Names of all movable joints, in the file's order.
         platform: The platform and its wheels.
-        fields: The fields of ``[platform]`` beside its type.
-        ground: The ground in the root link's frame.
+        fields: The fields of ``[platform]`` in addition to its type.
         arm: The chain to the tip.
         free: Movable joints that are neither locked nor the platform's.
         locks: What does not move, and why.
         rest: Positions of joints that do not rest at zero (m, rad), and why.
         weights: Of the posture criterion, where they are not the default.
-        couplings: Of the same: what steers follows the arm.
+        couplings: Of the criterion, too: what steers follows the arm.
         uncertain: What the user should look at.
     """
 
@@ -55,13 +77,12 @@ class Inference:
     joints: tuple[str, ...]
     platform: Drive
     fields: dict[str, Finding]
-    ground: Ground
     arm: Arm
     free: tuple[str, ...]
     locks: tuple[Lock, ...]
     rest: dict[str, Finding]
     weights: dict[str, Finding]
-    couplings: tuple[Following, ...]
+    couplings: tuple[Coupling, ...]
     uncertain: tuple[str, ...]
 
 
@@ -73,25 +94,28 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         Undecided: If something takes an option; all that does is in the message.
     """
     robot = urdf.parse()
-    _no_macros(robot, urdf)
-    tree = Tree(robot, str(urdf.path))
-    geometry = Geometry(robot, urdf, tree)
+    if any("xacro" in element.tag for element in robot.iter()):
+        raise SpecError(
+            f"{urdf.path} has xacro macros, which are not expanded yet; do: xacro {urdf.path.name} > "
+            "robot.urdf"
+        )
+    tree = Tree(robot, urdf)
     virtual = virtual_joints(tree)
     ignored = {joint.name for joint in virtual}
-    wheels = rolling_wheels(tree, geometry, ignored)
+    wheels = rolling_wheels(tree, ignored)
     questions: list[str] = []
-    around = Branches(tree, ignored | _wheel_joints(wheels))
-    ends = np.array([tree.position[end.child] for end in around.ends]).reshape(-1, 3)
+    taken = ignored | _wheel_joints(wheels)
+    ends = [tree.position[end.child] for end in Branches(tree, taken).ends]
     drive, radius, uncertain = None, None, list[str]()
     try:
-        drive = find_drive(tree, wheels, geometry, options, ignored, ends, _hint(robot))
+        arms = np.array(ends).reshape(-1, 3)
+        drive = find_drive(tree, wheels, options, ignored, arms, _hint(robot))
         uncertain += drive.uncertain
         if drive.rolling:
-            radius, doubts = settle_radius(tree, _driven(drive), options, geometry)
+            radius, doubts = settle_radius(tree, drive.driven, options)
             uncertain += doubts
     except Undecided as error:
         questions.append(str(error))
-    taken = ignored | _wheel_joints(wheels)
     if drive is not None:
         taken |= drive.own | {name for lock in drive.locks for name in lock.joints}
     locked_by_user = _matching(tree, options.lock)
@@ -104,7 +128,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     if questions or drive is None or arm is None:
         raise Undecided(f"{urdf.path}: {'; and '.join(questions)}")
     locks = _locks(tree, virtual, drive, branches, arm, locked_by_user)
-    ground = _ground(tree, drive, radius, geometry)
+    ground = _ground(tree, drive, radius)
     if virtual:
         uncertain.append(
             f"the virtual joints {', '.join(j.name for j in virtual)} in front of the base are locked: "
@@ -113,43 +137,33 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     fixed = {name for lock in locks for name in lock.joints}
     free = tuple(j.name for j in tree.movable if j.name not in fixed | drive.own)
     uncertain += lost_to_mimics(tree, arm.tip.value, taken)
-    place = Place(ground.height, drive.forward.direction, _box(tree, geometry))
-    rest = _rest(tree, arm, free, fixed, place)
-    couplings = _couplings(tree, drive, arm, rest)
-    if drive.steering and not couplings:
-        uncertain.append(
-            "no joint of the arm turns it about the vertical, so that nothing says where to steer: "
-            "add couplings under [criterion] (a steering angle does not move the tip at once; without "
-            "them the steering rests for ever and the task is lost)"
-        )
+    around = Surroundings(float(ground.value), drive.forward.direction, _box(tree))
+    rest = _rest(tree, arm, fixed | (set(free) - {joint.name for joint in arm.joints}), around)
+    couplings: list[Coupling] = []
+    if drive.steering:
+        chain = Chain(tree, arm.joints, arm.tip.value, rest)
+        posture = np.array([float(rest[joint.name].value) for joint in arm.joints])
+        couplings = steering_couplings(drive.steering, chain, posture)
+        if not couplings:
+            uncertain.append(
+                "no joint of the arm turns it about the vertical, so that nothing says where to steer: "
+                "add couplings under [criterion] (a steering angle does not move the tip at once; "
+                "without them the steering rests for ever and the task is lost)"
+            )
     return Inference(
         urdf=urdf,
         robot_name=robot.get("name", ""),
         joints=tuple(joint.name for joint in tree.movable),
         platform=drive,
         fields=_fields(drive, radius, ground),
-        ground=ground,
         arm=arm,
         free=free,
         locks=tuple(locks),
         rest=rest,
-        weights=weights(
-            [w.name for w in drive.rolling],
-            None if radius is None else float(radius.value),
-            [joint for joint in arm.joints if joint.prismatic],
-            arm.reach,
-        ),
-        couplings=couplings,
+        weights=_weights(drive, radius, arm),
+        couplings=tuple(couplings),
         uncertain=tuple(dict.fromkeys(uncertain)),
     )
-
-
-def _no_macros(robot: ET.Element, urdf: UrdfFile) -> None:
-    if any("xacro" in str(element.tag) for element in robot.iter()):
-        raise SpecError(
-            f"{urdf.path} has xacro macros, which are not expanded yet; do: xacro {urdf.path.name} > "
-            "robot.urdf"
-        )
 
 
 def _wheel_joints(wheels: Iterable[Rolling]) -> set[str]:
@@ -161,18 +175,14 @@ def _wheel_joints(wheels: Iterable[Rolling]) -> set[str]:
     }
 
 
-def _driven(drive: Drive) -> list[Rolling]:
-    return [*drive.right, *drive.left, *drive.wheels]
-
-
 def _hint(robot: ET.Element) -> str:
     """What in the robot's name or in its simulator's plug-ins speaks of wheels with rollers."""
     name = robot.get("name", "")
-    if hints.says(hints.MECANUM, name):
+    if says(MECANUM, name):
         return f"robot {name!r}"
     for plugin in robot.iter("plugin"):
         for text in (plugin.get("filename", ""), plugin.get("name", "")):
-            if hints.says(hints.PLANAR_DRIVE, text):
+            if says(PLANAR_DRIVE, text):
                 return f"plug-in {text!r}"
     return ""
 
@@ -202,24 +212,22 @@ def _locks(
     """Everything that is neither the platform's nor on the way to the tip."""
     if own := [name for name in by_user if name in drive.own]:
         raise Undecided(f"--lock matches the platform's own {', '.join(own)}")
-    on_chain = {joint.name for joint in arm.joints}
-    heads = [joint.name for joint in branches.heads()]
-    others = [
-        joint.name for other in branches.arms() for joint in other.joints if other.tip != arm.tip
-    ]
-    fingers = [joint.name for joint in tree.movable if joint.name in branches.fingers]
-    mimics = [joint.name for joint in tree.movable if joint.mimic]
+
+    def lock(joints: Iterable[Joint], why: str) -> Lock:
+        return Lock(tuple(joint.name for joint in joints), why)
+
+    others = [joint for other in branches.arms() if other.tip != arm.tip for joint in other.joints]
     groups = [
-        Lock(tuple(joint.name for joint in virtual), "virtual joints in front of the base"),
+        lock(virtual, "virtual joints in front of the base"),
         *drive.locks,
         Lock(tuple(by_user), "as asked for"),
-        Lock(tuple(fingers), "fingers"),
-        Lock(tuple(mimics), "follow other joints (mimic)"),
-        Lock(tuple(heads), "head"),
-        Lock(tuple(others), "another arm; without this it is free and holds its rest posture"),
-        Lock(tuple(joint.name for joint in tree.movable), "not between the platform and the tip"),
+        lock((joint for joint in tree.movable if joint.name in branches.fingers), "fingers"),
+        lock((joint for joint in tree.movable if joint.follows), "follow other joints (mimic)"),
+        lock(branches.heads(), "head"),
+        lock(others, "another arm; without this it is free and holds its rest posture"),
+        lock(tree.movable, "not between the platform and the tip"),
     ]
-    found, done = [], on_chain | drive.own
+    found, done = [], {joint.name for joint in arm.joints} | drive.own
     for group in groups:
         names = tuple(dict.fromkeys(name for name in group.joints if name not in done))
         done.update(names)
@@ -228,17 +236,17 @@ def _locks(
     return found
 
 
-def _ground(tree: Tree, drive: Drive, radius: Finding | None, geometry: Geometry) -> Ground:
+def _ground(tree: Tree, drive: Drive, radius: Finding | None) -> Finding:
+    """The height of the ground in the root link's frame (m)."""
     centre = drive.centre
     if radius is not None and centre is not None:
-        return Ground(float(centre[2]) - float(radius.value), "where the wheels stand")
-    links = tree.rigid(tree.root)
-    lowest = lowest_point([*links, *(w.joint.child for w in _driven(drive))], geometry)
-    named = footprint(tree, np.inf if lowest is None else lowest.height + 0.5)
-    return named or lowest or Ground(0.0, f"the origin of {tree.root}")
+        return Finding(float(centre[2]) - float(radius.value), "where the wheels stand")
+    lowest = lowest_point(tree, [*tree.rigid(tree.root), *(w.joint.child for w in drive.driven)])
+    named = footprint(tree, math.inf if lowest is None else lowest.value + 0.5)
+    return named or lowest or Finding(0.0, f"the origin of {tree.root}")
 
 
-def _fields(drive: Drive, radius: Finding | None, ground: Ground) -> dict[str, Finding]:
+def _fields(drive: Drive, radius: Finding | None, ground: Finding) -> dict[str, Finding]:
     fields: dict[str, Finding] = {}
     kind = drive.type.value
     if kind != "fixed" and drive.forward.heading != 0.0:
@@ -260,45 +268,51 @@ def _fields(drive: Drive, radius: Finding | None, ground: Ground) -> dict[str, F
         where = [0.0, 0.0] if centre is None else [round(float(x), 5) + 0.0 for x in centre[:2]]
         what = "the root link's origin" if centre is None else "the middle of the wheels' axle"
         fields["axle"] = Finding(where, f"{what}, where it does not slip sideways")
-        fields["height"] = Finding(round(-ground.height, 5) + 0.0, f"ground: {ground.why}")
+        fields["height"] = Finding(round(-ground.value, 5) + 0.0, f"ground: {ground.why}")
     if radius is not None:
         fields["wheel_radius"] = radius
     return fields
 
 
-def _rest(
-    tree: Tree, arm: Arm, free: Sequence[str], fixed: set[str], place: Place
-) -> dict[str, Finding]:
-    """Where joints rest that do not rest at zero."""
-    still = fixed | (set(free) - {joint.name for joint in arm.joints})
-    on_chain = {joint.name for joint in tree.chain(arm.tip.value)} & still
+def _rest(tree: Tree, arm: Arm, still: set[str], around: Surroundings) -> dict[str, Finding]:
+    """Where joints rest that do not rest at zero; those that do not move, too."""
+    tip = arm.tip.value
     at = held(tree, still, {})
     values: dict[str, float] = {}
     # a mimic joint on the way to the tip moves it to where its master rests: once more from there
     for _ in range(2):
-        joints, tip = posed(tree, arm.joints, arm.tip.value, at)
-        values = rest_posture(joints, tip, place)
+        values = rest_posture(Chain(tree, arm.joints, tip, at), around)
         before, at = at, held(tree, still, values)
-        if all(at.get(name) == before.get(name) for name in on_chain):
+        if all(at.get(j.name) == before.get(j.name) for j in tree.chain(tip) if j.name in still):
             break
     return {name: Finding(value) for name, value in values.items()} | at
 
 
-def _couplings(
-    tree: Tree, drive: Drive, arm: Arm, rest: dict[str, Finding]
-) -> tuple[Following, ...]:
-    """What steers follows the arm's yaw."""
-    if not drive.steering:
-        return ()
-    joints, tip = posed(tree, arm.joints, arm.tip.value, rest)
-    values = [float(rest[joint.name].value) for joint in joints]
-    return tuple(steering_couplings(drive.steering, Chain(joints, tip), values))
+def _weights(drive: Drive, radius: Finding | None, arm: Arm) -> dict[str, Finding]:
+    """Weights of the posture criterion that make metres and radians comparable, by joint name.
+
+    A wheel's weight is for the metres that it rolls: with a long arm a metre weighs as much as a
+    radian; the less an arm reaches, the more of the way is the platform's, and the less it weighs.
+    A slide's whole way weighs as much as a radian.
+    """
+    found = {}
+    default = CriterionSource().default
+    if radius is not None:
+        share = min(arm.reach / _LONG, 1.0)
+        weight = float(f"{default * (radius.value * share) ** 2:.2g}")
+        why = f"default * (wheel_radius * {share:.2g} / m)^2: by the metres that it rolls"
+        found = {w.name: Finding(weight, why) for w in drive.rolling}
+    for joint in arm.joints:
+        if joint.prismatic and 0.0 < joint.width < math.inf:
+            why = f"default / ({joint.width:.3g} m)^2: its way"
+            found[joint.name] = Finding(float(f"{default / joint.width**2:.2g}"), why)
+    return found
 
 
-def _box(tree: Tree, geometry: Geometry) -> Array | None:
+def _box(tree: Tree) -> Array | None:
     """Corners of what is fixed to the root link (m), shape (2, 3)."""
     for use in USES:
-        shapes = [s for link in tree.rigid(tree.root) for s in geometry.shapes(link, use)]
+        shapes = [shape for link in tree.rigid(tree.root) for shape in tree.shapes(link, use)]
         if known := [shape for shape in shapes if shape.known]:
             return np.array(bounds(known))
     return None

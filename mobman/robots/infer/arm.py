@@ -1,0 +1,389 @@
+"""Arms of a URDF: what is at their ends, which frame is the tip, and a rest posture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.robots.infer.findings import (
+    BASES,
+    FINGER,
+    FINGER_LINK,
+    HEAD,
+    NO_TIP,
+    TIPS,
+    Finding,
+    Undecided,
+    common,
+    says,
+)
+from mobman.robots.infer.kinematics import Chain, Joint, Tree
+from mobman.robots.spec import Coupling, CriterionSource
+
+_SHORT = 0.15  # m; a branch at the end of an arm that reaches no further is a finger
+_REACH = 0.05  # m; what reaches less far is no arm: a ball caster, for one
+_ARM = 3  # joints from which on a chain is an arm
+_CARRIED = 2  # joints in front of a gripper, at least
+_UPRIGHT = math.cos(0.1)  # an axis that is less tilted than 0.1 rad is vertical
+_LEVER_ARM = 0.05  # m; a tip that is nearer to an axis is not moved by it
+_SAMPLES = 4000
+_SEED = 0
+_INSIDE = 0.8  # of a joint's range is where it may rest
+_ENDLESS = 0.5 * math.pi  # rad; how far a joint without limits may be from zero
+_LEVER = 1.0  # rad; columns of the Jacobian are for so much of a turn, or for half a slide's way
+_LOSS = 0.04  # of the score, for a joint that rests at zero or in the middle instead
+_STEP = {True: 0.01, False: 0.05}  # m, rad; what numbers are rounded to
+_RANK = 1e-3  # of the largest singular value
+_REFINEMENTS = ((0.2, 600), (0.06, 600))  # of the range; samples
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A serial chain and the frame at its end.
+
+    Attributes:
+        joints: From the root to the tip, mimic joints and fingers left out.
+        own: How many of them no other arm shares.
+        tip: Link whose origin is the end-effector, and why.
+        reach: Length of the chain from its first own joint to the tip (m), prismatic joints extended.
+    """
+
+    joints: tuple[Joint, ...]
+    own: int
+    tip: Finding
+    reach: float
+
+
+class Branches:
+    """What moves and is not the platform: arms, heads, grippers.
+
+    Args:
+        tree: The robot.
+        taken: Joints of the platform and in front of it.
+
+    Attributes:
+        fingers: Names of the joints of grippers and hands.
+        ends: Last joint of each chain that is not a finger.
+    """
+
+    def __init__(self, tree: Tree, taken: set[str]) -> None:
+        self._tree = tree
+        self._taken = taken
+        self.joints = [joint for joint in tree.movable if joint.name not in taken]
+        self.fingers = self._find_fingers()
+        self._moving = [
+            joint
+            for joint in self.joints
+            if joint.name not in self.fingers and joint.follows is None
+        ]
+        moving = set(self._moving)
+        self.ends = [joint for joint in self._moving if moving.isdisjoint(tree.behind(joint))]
+
+    def arms(self) -> list[Arm]:
+        """The chains that may be arms, heads left out where there is something else."""
+        chains = [arm for arm in map(self._arm, self.ends) if arm.reach > _REACH]
+        chains = [arm for arm in chains if not self._is_head(arm)] or chains
+        own = [arm for arm in chains if arm.own >= _ARM]
+        return own or [arm for arm in chains if len(arm.joints) >= _ARM] or chains
+
+    def chain(self, link: str) -> tuple[Joint, ...]:
+        """The joints that move a link, fingers and mimic joints left out."""
+        return tuple(joint for joint in self._tree.chain(link) if joint in self._moving)
+
+    def heads(self) -> list[Joint]:
+        """Joints that belong to heads only."""
+        found: dict[str, Joint] = {}
+        for chain in map(self._arm, self.ends):
+            if self._is_head(chain):
+                found |= {joint.name: joint for joint in chain.joints[-chain.own :]}
+        return list(found.values())
+
+    def _is_head(self, arm: Arm) -> bool:
+        own = arm.joints[-arm.own :]
+        return common(HEAD, [f"{joint.name}_{joint.child}" for joint in own])
+
+    def _arm(self, end: Joint) -> Arm:
+        joints, tip = self.chain(end.child), self._tip(end)
+        others = [self._tree.chain(other.child) for other in self.ends if other is not end]
+        shared = [any(joint in other for other in others) for joint in joints]
+        own = [*reversed(shared), True].index(True)
+        return Arm(joints, own, tip, reach(self._tree, joints[len(joints) - own :], tip.value))
+
+    def _tip(self, end: Joint) -> Finding:
+        """The best frame on the last link of a chain."""
+        tree = self._tree
+        body = tree.rigid(end.child)
+        palms = [joint.parent for joint in tree.next_joints(end.child)]
+        frames = [name for name in body if not says(NO_TIP, name)] or body
+        for pattern, what in TIPS:
+            if common(pattern, tree.links):
+                continue
+            # a finger that is fixed is no tip, nor is what only its name has in common with one
+            named = [n for n in frames if says(pattern, n) and not says(r"finger|thumb", n)]
+            if named:
+                # a base is where its fingers are, a tool as far out as it goes
+                base = pattern in BASES
+                best = max(
+                    named,
+                    key=lambda name: (base and name in palms, tree.depth(name), -body.index(name)),
+                )
+                return Finding(best, what)
+        if palms:
+            return Finding(max(palms, key=tree.depth), "the link that carries the fingers")
+        return Finding(max(frames, key=tree.depth), "the last link of the chain")
+
+    def _find_fingers(self) -> set[str]:
+        tree = self._tree
+        telling = not common(FINGER, [joint.name for joint in self.joints])
+        found: set[str] = set()
+        for joint in self.joints:
+            before = [j for j in tree.chain(joint.parent) if j.name not in self._taken]
+            if any(j.name in found for j in before):
+                found.add(joint.name)
+            elif len(before) >= _CARRIED:
+                # a wrist that carries a fixed jaw is no finger: its link alone says little
+                leaf = not tree.next_joints(joint.child)
+                named = says(FINGER, joint.name) or (leaf and says(FINGER_LINK, joint.child))
+                named = named and telling and self._at_the_end(joint)
+                if named or self._one_of_several(joint):
+                    found.add(joint.name)
+        # the file may have what is behind a finger before it
+        for joint in self.joints:
+            if any(j.name in found for j in tree.chain(joint.parent)):
+                found.add(joint.name)
+        return found
+
+    def _at_the_end(self, joint: Joint) -> bool:
+        """Whether what is behind a joint is no larger than a gripper."""
+        longest = max(len(chain) for chain in self._chains(joint))
+        return longest <= 5 and self._length(joint) < 2.0 * _SHORT
+
+    def _one_of_several(self, joint: Joint) -> bool:
+        """Whether a short chain starts at a place where nothing but short chains start."""
+        before = [j for j in self._tree.chain(joint.parent) if j.name not in self._taken]
+        if len(before) < _ARM:
+            return False
+        siblings = self._tree.next_joints(before[-1].child)
+        return len(siblings) >= 2 and all(self._length(sibling) <= _SHORT for sibling in siblings)
+
+    def _length(self, joint: Joint) -> float:
+        """How far a chain that starts with a joint reaches (m)."""
+        return max(reach(self._tree, chain, chain[-1].child) for chain in self._chains(joint))
+
+    def _chains(self, joint: Joint) -> Iterator[list[Joint]]:
+        following = self._tree.next_joints(joint.child)
+        if not following:
+            yield [joint]
+        for behind in following:
+            yield from ([joint, *chain] for chain in self._chains(behind))
+
+
+def reach(tree: Tree, joints: Sequence[Joint], tip: str) -> float:
+    """Length of a chain from its first joint to a link (m), prismatic joints extended."""
+    places = [joint.centre for joint in joints] + [tree.position[tip]]
+    length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(places))
+    return length + sum(joint.width for joint in joints if joint.prismatic and joint.width < 10.0)
+
+
+def choose_arm(tree: Tree, branches: Branches, tip: str | None) -> Arm:
+    """The arm that the user names by its tip, or the only one.
+
+    Raises:
+        Undecided: If there is none or several, or the tip is no link or does not move.
+    """
+    arms = branches.arms()
+    listing = "; ".join(
+        f"{arm.tip.value} ({len(arm.joints)} joints, {arm.own} of its own, reach {arm.reach:.2f} m)"
+        for arm in arms
+    )
+    if tip is not None:
+        if tip not in tree.links:
+            raise Undecided(
+                f"--tip {tip!r} is no link of the URDF; ends of arms: {listing or 'none'}"
+            )
+        joints = branches.chain(tip)
+        if not joints:
+            raise Undecided(
+                f"--tip {tip!r} is moved by no joint of an arm; ends of arms: {listing or 'none'}"
+            )
+        of = next((arm for arm in arms if arm.joints == joints), None)
+        own = of.own if of is not None else len(joints)
+        chain = joints[len(joints) - own :]
+        return Arm(joints, own, Finding(tip, "as asked for"), reach(tree, chain, tip))
+    if not arms:
+        raise Undecided(
+            "no arm was found: beside the platform no joint moves; mount one by [[mount]] in a TOML file"
+        )
+    if len(arms) > 1:
+        raise Undecided(f"there are {len(arms)} arms: name the end of one by --tip: {listing}")
+    return arms[0]
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The ground and the platform under an arm.
+
+    Attributes:
+        ground: Height of the ground in the root's frame (m).
+        forward: Unit vector in the plane, shape (2,).
+        box: Corners of the platform's body in the root's frame (m), shape (2, 3); None: not known.
+    """
+
+    ground: float
+    forward: Array
+    box: Array | None
+
+
+def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
+    """Rounded joint positions, by name (m, rad); the same for the same robot.
+
+    The least singular value of the tip's linear Jacobian (of those that are not zero everywhere) is
+    made large, with the joints away from their limits and the tip in front of or beside the platform
+    and well above the ground; joints that matter little are at zero, or in the middle of their range.
+    """
+    joints = chain.joints
+    low, high = np.array([_range(joint) for joint in joints]).T
+    random = np.random.default_rng(_SEED)
+    score = _Score(chain, around, low, high, random)
+    q = low + (high - low) * random.random((_SAMPLES, len(joints)))
+    best = q[np.argmax(score(q))]
+    for width, count in _REFINEMENTS:
+        near = best + width * (high - low) * random.uniform(-1.0, 1.0, (count, len(joints)))
+        near = np.vstack([best, np.clip(near, low, high)])
+        best = near[np.argmax(score(near))]
+    best = _simplified(best, joints, score, low, high)
+    return {
+        joint.name: _rounded(float(value), joint, (joint.lower, joint.upper))
+        for joint, value in zip(joints, best, strict=True)
+    }
+
+
+def _range(joint: Joint) -> tuple[float, float]:
+    """Where a joint may rest."""
+    if joint.endless or not math.isfinite(joint.width):
+        return -_ENDLESS, _ENDLESS
+    middle, half = 0.5 * (joint.lower + joint.upper), 0.5 * joint.width
+    half *= _INSIDE
+    low, high = middle - half, middle + half
+    if not joint.prismatic:  # several turns are no more use than one
+        low, high = max(low, min(-0.75 * math.pi, high)), min(high, max(0.75 * math.pi, low))
+    return low, high
+
+
+class _Score:
+    """How good postures are: a number above 0 for each."""
+
+    def __init__(
+        self,
+        chain: Chain,
+        around: Surroundings,
+        low: Array,
+        high: Array,
+        random: np.random.Generator,
+    ) -> None:
+        self._chain, self._around = chain, around
+        self._middle, self._half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 1e-9)
+        self._scale = np.array(
+            [
+                half if joint.prismatic else min(_LEVER, half)
+                for joint, half in zip(chain.joints, self._half, strict=True)
+            ]
+        )
+        some = low + (high - low) * random.random((200, len(low)))
+        values = self._singular_values(some)
+        centres, _, tip = chain.places(some)
+        self._size = float(np.max(np.linalg.norm(tip - centres[:, 0], axis=1))) or 1.0
+        self._rank = max(int(np.sum(values > _RANK * self._size, axis=1).max()), 1)
+
+    def __call__(self, q: Array) -> Array:
+        values = self._singular_values(q)[:, self._rank - 1] / self._size
+        if self._rank < 3:  # the platform does not move the tip up: what is left must
+            vertical = np.linalg.norm(self._chain.jacobian(q)[:, 2] * self._scale, axis=1)
+            values = values * np.minimum(vertical / self._size, 1.0)
+        centres, _, tip = self._chain.places(q)
+        used = np.abs(q - self._middle) / self._half
+        margin = np.mean(1.0 - 0.5 * used**4, axis=1)
+        small = np.exp(-0.02 * np.mean((q / np.maximum(self._half, 1e-9)) ** 2, axis=1))
+        return np.array((values + 1e-6) * margin * small * self._where(centres, tip))
+
+    def _singular_values(self, q: Array) -> Array:
+        return np.array(np.linalg.svd(self._chain.jacobian(q) * self._scale, compute_uv=False))
+
+    def _where(self, centres: Array, tip: Array) -> Array:
+        """Below 1 for a tip behind, low or in the platform, and for links in the ground."""
+        around, size = self._around, self._size
+        # joints of a lift or turntable are not yet the arm: from where it begins to reach out
+        out = tip - centres[:, 0]
+        ahead, beside = out[:, :2] @ around.forward, np.linalg.norm(out[:, :2], axis=1)
+        factor = np.where(ahead < -0.1 * beside, 0.3, 1.0)
+        factor = factor * np.clip(beside / (0.35 * size), 0.05, 1.0)
+        heights = tip[:, 2] - around.ground
+        least = min(0.25, 0.35 * size)
+        factor = factor * np.clip(heights / least, 0.02, 1.0)
+        lowest = centres[:, :, 2].min(axis=1) - around.ground
+        factor = factor * np.where(lowest < 0.02, 0.1, 1.0)
+        if around.box is not None:
+            low, high = around.box
+            points = np.concatenate([centres, tip[:, None]], axis=1)
+            # joints that start in the body, such as a lift's, cannot but be there
+            middle = self._chain.places(self._middle[None])[0][0]
+            own = ((middle > low) & (middle < high)).all(axis=1)
+            inside = ((points > low) & (points < high)).all(axis=2)
+            inside[:, :-1] &= ~own
+            factor = factor * np.where(inside.any(axis=1), 0.1, 1.0)
+        return np.array(factor)
+
+
+def _simplified(q: Array, joints: Sequence[Joint], score: _Score, low: Array, high: Array) -> Array:
+    """The posture with zero, or the middle of a range, where that costs little."""
+
+    def value(posture: Array) -> float:
+        return float(score(posture[None])[0])
+
+    for i, joint in enumerate(joints):
+        simple = [0.0] if low[i] <= 0.0 <= high[i] else []
+        for choice in (*simple, _rounded(0.5 * (low[i] + high[i]), joint)):
+            trial = q.copy()
+            trial[i] = choice
+            if low[i] <= choice <= high[i] and value(trial) >= (1.0 - _LOSS) * value(q):
+                q = trial
+                break
+    return q
+
+
+def _rounded(
+    value: float, joint: Joint, limits: tuple[float, float] = (-math.inf, math.inf)
+) -> float:
+    step = _STEP[joint.prismatic]
+    rounded = round(round(value / step) * step, 4)
+    inside = limits[0] <= rounded <= limits[1]
+    return rounded + 0.0 if inside else min(max(value, limits[0]), limits[1])
+
+
+def steering_couplings(steering: Sequence[Joint], chain: Chain, rest: Array) -> list[Coupling]:
+    """Couplings that let all joints that steer follow a yaw of the arm; none if it has no yaw.
+
+    The ratio is +1 where both turn to the left with positive angles, or both to the right; else -1.
+
+    Args:
+        steering: Joints that steer.
+        chain: The arm.
+        rest: Its rest posture (m, rad), in the chain's order.
+    """
+    centres, axes, tip = (values[0] for values in chain.places(rest[None]))
+    weight = CriterionSource().default
+    for joint, centre, axis in zip(chain.joints, centres, axes, strict=True):
+        yaws = not joint.prismatic and abs(axis[2]) >= _UPRIGHT
+        if yaws and np.linalg.norm(tip[:2] - centre[:2]) >= _LEVER_ARM:
+            turn = float(np.sign(axis[2]))
+            ratios = [float(np.sign(wheel.axis[2])) * turn for wheel in steering]
+            return [
+                Coupling(joint=wheel.name, to=joint.name, ratio=ratio, weight=weight)
+                for wheel, ratio in zip(steering, ratios, strict=True)
+            ]
+    return []

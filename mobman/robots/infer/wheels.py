@@ -1,0 +1,371 @@
+"""The wheels of a URDF: which joints roll, how large the wheels are, and how high the ground is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.robots.infer.findings import (
+    CASTER,
+    FOOTPRINT,
+    WHEEL,
+    Finding,
+    Options,
+    Undecided,
+    says,
+)
+from mobman.robots.infer.kinematics import Joint, Tree, names_of
+from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about
+
+SAME_PLACE = 0.01  # m; between two wheels of one axle, along and above
+SAME_RADIUS = 0.002  # m
+_ON_GROUND = 0.04  # m; a wheel higher than this above the ground is none
+_AXLE_HEIGHT = 0.35  # m above the lowest axle, where no geometry says how large a wheel is
+_TRAVEL = (0.2, 0.8)  # m, rad; a joint with less in front of a wheel is its suspension
+_PARALLEL = 0.995
+_ROLLERS = 3  # joints behind a wheel that make rollers of them
+_FEW_JOINTS = 3  # in front of a wheel
+_LEAST = 0.01  # m; a wheel's radius is above this
+_DIGITS = 5
+_OTHER = 0.1  # of the radius; what is asked for and differs by more is likely a slip
+_LEANS = 0.5  # rad; what is more tilted turns about no wheel's axis
+_ALIKE = 0.1  # rad; between the axes of one pair, and between an axis and the way across
+_LEVEL = 0.001  # m, rad; what platforms with wheels allow between axles and axes
+
+
+@dataclass(frozen=True, eq=False)
+class Rolling:
+    """A wheel.
+
+    Attributes:
+        joint: Its joint.
+        collision, visual: The radius that its geometry has (m).
+        swivel: The joint that lets it turn about the vertical freely.
+        steering: The joint that steers it.
+        suspension: Joints between it and the base with little travel.
+        rollers: Joints behind it.
+        meshes: File names of the meshes of what turns with it.
+    """
+
+    joint: Joint
+    collision: Finding | None
+    visual: Finding | None
+    swivel: Joint | None
+    steering: Joint | None
+    suspension: tuple[Joint, ...]
+    rollers: tuple[Joint, ...]
+    meshes: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """The joint's name."""
+        return self.joint.name
+
+    @property
+    def radius(self) -> float | None:
+        """The radius of its geometry (m)."""
+        said = self.collision or self.visual
+        return None if said is None else float(said.value)
+
+    @cached_property
+    def across(self) -> Array:
+        """Its axis in the ground plane, towards the root's +y (or +x), shape (2,)."""
+        axis = self.joint.axis[:2] / np.linalg.norm(self.joint.axis[:2])
+        ahead = axis[1] if abs(axis[1]) > 1e-3 else axis[0]
+        return np.array(axis if ahead > 0 else -axis)
+
+    @property
+    def ahead(self) -> Array:
+        """The direction in which it rolls, or the opposite one, shape (2,)."""
+        return np.array([self.across[1], -self.across[0]])
+
+    def says(self, pattern: str) -> bool:
+        """Whether its names have what a pattern looks for."""
+        return says(pattern, self.name, self.joint.child)
+
+    def parallel(self, other: Rolling) -> bool:
+        """Whether two axes have one direction."""
+        return abs(float(self.across @ other.across)) > _PARALLEL
+
+
+def rolling_wheels(tree: Tree, ignored: set[str]) -> list[Rolling]:
+    """All wheels on the ground, in the file's order: driven ones, steered ones and casters.
+
+    Args:
+        tree: The robot.
+        ignored: Joints that count as fixed, such as virtual ones in front of the base.
+    """
+    found = []
+    for joint in tree.movable:
+        above = [j for j in tree.chain(joint.parent) if j.name not in ignored]
+        if (
+            joint.name not in ignored
+            and not (joint.follows or joint.prismatic)
+            and joint.horizontal
+            and (joint.endless or says(WHEEL, joint.name, joint.child))
+            and _carries_nothing(tree, joint)
+            and len(above) <= _FEW_JOINTS
+            and all(j.vertical or _suspends(j) for j in above)
+        ):
+            found.append(as_wheel(tree, joint, ignored))
+    return _on_ground(found)
+
+
+def as_wheel(tree: Tree, joint: Joint, ignored: set[str]) -> Rolling:
+    """A joint that is said to be a wheel."""
+    above = [j for j in tree.chain(joint.parent) if j.name not in ignored]
+    return Rolling(
+        joint=joint,
+        collision=_radius(tree, joint, "collision"),
+        visual=_radius(tree, joint, "visual"),
+        swivel=next((j for j in above if j.swivels), None),
+        steering=next((j for j in above if j.steers and not _suspends(j)), None),
+        suspension=tuple(j for j in above if _suspends(j)),
+        rollers=tuple(tree.behind(joint)),
+        meshes=tuple(
+            mesh.get("filename", "").strip()
+            for link in _turning(tree, joint)
+            for mesh in tree.links[link].iter("mesh")
+        ),
+    )
+
+
+def pairs_of(wheels: Sequence[Rolling]) -> list[tuple[Rolling, Rolling]]:
+    """Wheels on one axle, two and two: (one, the other towards the axis), in the file's order.
+
+    Several wheels on one axle give their outermost pair.
+    """
+    pairs: list[tuple[Rolling, Rolling]] = []
+    rest = list(wheels)
+    while rest:
+        first = rest[0]
+        axle = [w for w in rest if _one_axle(first, w)]
+        rest = [w for w in rest if w not in axle]
+        axle.sort(key=lambda w: float(w.joint.centre[:2] @ first.across))
+        if len(axle) >= 2:
+            pairs.append((axle[0], axle[-1]))
+    return pairs
+
+
+def _one_axle(one: Rolling, other: Rolling) -> bool:
+    apart = other.joint.centre - one.joint.centre
+    off = max(abs(float(apart[:2] @ one.ahead)), abs(float(apart[2])))
+    return one.parallel(other) and off < SAME_PLACE
+
+
+def _carries_nothing(tree: Tree, joint: Joint) -> bool:
+    """Whether a joint carries nothing that moves, or nothing but rollers."""
+    behind = list(tree.behind(joint))
+    leaves = all(not any(tree.behind(j)) for j in behind)
+    return not behind or (leaves and len(behind) >= _ROLLERS and all(j.endless for j in behind))
+
+
+def _suspends(joint: Joint) -> bool:
+    if joint.prismatic:
+        return joint.width <= _TRAVEL[0]
+    return not joint.vertical and joint.width <= _TRAVEL[1]
+
+
+def _on_ground(wheels: list[Rolling]) -> list[Rolling]:
+    """Without what turns like a wheel but is high above the ground."""
+    heights = {w: float(w.joint.centre[2]) for w in wheels}
+    bottoms = {w: heights[w] - w.radius for w in wheels if w.radius is not None}
+    lowest, lowest_axle = min(bottoms.values(), default=0.0), min(heights.values(), default=0.0)
+
+    def touches(wheel: Rolling) -> bool:
+        if wheel.radius is not None:
+            return bottoms[wheel] - lowest < max(_ON_GROUND, 0.25 * wheel.radius)
+        return heights[wheel] - lowest_axle < _AXLE_HEIGHT
+
+    return [w for w in wheels if touches(w)]
+
+
+def _turning(tree: Tree, joint: Joint) -> list[str]:
+    """What turns with a wheel: its link, what is fixed to it, and rollers."""
+    return [link for j in (joint, *tree.behind(joint)) for link in tree.rigid(j.child)]
+
+
+def _radius(tree: Tree, joint: Joint, use: Use) -> Finding | None:
+    """The radius that the collision or the visual geometry behind a joint has about its axis.
+
+    None if there is none, or if some of its meshes are missing: what is left may be the hub only.
+    """
+    shapes = [(link, shape) for link in _turning(tree, joint) for shape in tree.shapes(link, use)]
+    complete = all(shape.known for _, shape in shapes)
+    found = [
+        Finding(value, f"{use} {shape.kind} of {link}")
+        for link, shape in sorted(shapes, key=lambda entry: entry[1].kind == "mesh")
+        if (complete or shape.kind != "mesh")
+        and (value := radius_about(shape, joint.centre, joint.axis)) is not None
+    ]
+    if any(tree.behind(joint)) and shapes and complete:  # rollers: round together only
+        together = extent_about([shape for _, shape in shapes], joint.centre, joint.axis)
+        if together is not None:
+            found.append(Finding(together, f"{use} geometry of {joint.child} and its rollers"))
+    return max(found, key=lambda radius: float(radius.value), default=None)
+
+
+def footprint(tree: Tree, below: float) -> Finding | None:
+    """The ground (m) as the origin of a link made for it, if it is below a height (m)."""
+    for name in (tree.root, *tree.rigid(tree.root)):
+        height = float(tree.position[name][2])
+        if says(FOOTPRINT, name) and height < below - _LEAST:
+            return Finding(height, name)
+    return None
+
+
+def lowest_point(tree: Tree, links: Iterable[str]) -> Finding | None:
+    """The height of the lowest point of the geometry of links (m)."""
+    down = np.array([0.0, 0.0, -1.0])
+    lowest = [
+        Finding(-shape.reach(down), f"the lowest point, {shape.use} {shape.kind} of {link}")
+        for link in links
+        for use in USES
+        for shape in tree.shapes(link, use)
+        if shape.known
+    ]
+    return min(lowest, key=lambda ground: float(ground.value), default=None)
+
+
+def settle_radius(
+    tree: Tree, wheels: Sequence[Rolling], options: Options
+) -> tuple[Finding, list[str]]:
+    """The radius of the driven wheels and what is not certain about it.
+
+    Sources are the collision geometry, the visual geometry and the axle's height above a footprint
+    link; the first one counts, unless the other two agree against it. Where there is none of them,
+    it is the axle's height above the robot's lowest point. What is asked for comes before all.
+
+    Raises:
+        Undecided: If nothing tells.
+    """
+    uncertain: list[str] = []
+    sources: list[Finding] = []
+    for use in USES:
+        found = [radius for w in wheels if (radius := getattr(w, use)) is not None]
+        values = sorted({radius.value for radius in found})
+        sources += found[:1]
+        if values and values[-1] - values[0] > SAME_RADIUS:
+            radii = ", ".join(f"{value:.4g}" for value in values)
+            uncertain.append(f"the {use} geometry gives the wheels radii of {radii} m")
+    axle = float(np.mean([w.joint.centre[2] for w in wheels]))
+    if (ground := footprint(tree, axle)) is not None:
+        sources.append(Finding(axle - ground.value, f"height of the axle above {ground.why}"))
+    if (asked := options.wheel_radius) is not None:
+        return Finding(asked, "as asked for"), [
+            f"--wheel-radius {asked:.4g}: {source.why} says {round(source.value, _DIGITS)} m"
+            for source in sources
+            if abs(asked - source.value) > _OTHER * source.value
+        ]
+    if not sources:
+        lowest = lowest_point(tree, tree.rigid(tree.root))
+        if lowest is None or axle - lowest.value < _LEAST:
+            missing = [name for name in dict.fromkeys(wheels[0].meshes) if tree.lacks(name)]
+            meshes = f"its mesh {missing[0]} is missing" if missing else "no round mesh"
+            raise Undecided(
+                f"nothing tells the wheels' radius: {wheels[0].joint.child} has no cylinder or sphere, "
+                f"{meshes}, and there is no base_footprint below the axle: give --wheel-radius, or the "
+                "folders of the meshes by --package-path"
+            )
+        uncertain.append(
+            "the wheels' radius: their links have no geometry that was found; check it or give "
+            "--wheel-radius"
+        )
+        return Finding(round(axle - lowest.value, _DIGITS), f"axle above {lowest.why}"), uncertain
+    taken = sources[0]
+    if len(sources) == 3:
+        first, second, third = (source.value for source in sources)
+        if abs(second - third) <= SAME_RADIUS < abs(first - second):
+            taken = sources[1]
+    value, why = round(taken.value, _DIGITS), taken.why
+    for other in sources:
+        if other is not taken and abs(other.value - taken.value) > SAME_RADIUS:
+            said = round(other.value, _DIGITS)
+            why += f"; {other.why} says {said}"
+            uncertain.append(f"wheel_radius: {taken.why} says {value} m, {other.why} {said} m")
+    return Finding(value, why), uncertain
+
+
+def what_to_name(tree: Tree) -> str:
+    """Why the pair that is nearest to driven wheels is none, and what may be named as wheels."""
+    found = [  # they turn without limits, not about the vertical, and carry nothing
+        joint
+        for joint in tree.movable
+        if not (joint.prismatic or joint.follows)
+        and (joint.endless or says(WHEEL, joint.name, joint.child))
+        and abs(float(joint.axis[2])) < math.sin(_LEANS)
+        and _carries_nothing(tree, joint)
+        and len(tree.chain(joint.parent)) <= _FEW_JOINTS
+    ]
+    if len(found) < 2:
+        upright = [j for j in tree.movable if j.endless and j.vertical and not any(tree.behind(j))]
+        turning = f" ({names_of(upright)}: about the vertical)" if upright else ""
+        only = f" but {found[0].name}" if found else ""
+        return (
+            f"the URDF has no joint{only} that could be named by --right-wheel and --left-wheel"
+            f"{turning}; correct it"
+        )
+
+    def rank(pair: tuple[Joint, Joint]) -> tuple[int, int, float]:
+        """The fewest faults, the most telling names and the widest track first."""
+        named = sum(says(WHEEL, joint.name, joint.child) for joint in pair)
+        track = float(np.linalg.norm(pair[0].centre - pair[1].centre))
+        return len(faults[pair][0]), -named, -track
+
+    compared = ((pair, _faults(tree, *pair)) for pair in combinations(found, 2))
+    faults = {pair: said for pair, said in compared if said is not None}
+    if not faults:
+        may = names_of(found)
+        return f"name them by --right-wheel and --left-wheel (joints that may be wheels: {may})"
+    near = min(faults, key=rank)
+    said, nameable = faults[near]
+    why = f"the nearest pair, {near[0].name} and {near[1].name}, was not taken: {'; '.join(said)}"
+    if not nameable:
+        return f"{why}; wheels of a pair are on one horizontal axle: correct the URDF"
+    return f"{why}; name them by --right-wheel and --left-wheel if they drive"
+
+
+def _faults(tree: Tree, one: Joint, other: Joint) -> tuple[list[str], bool] | None:
+    """Why two joints are no pair of driven wheels, and whether they can be named as one.
+
+    None if they are not side by side at all.
+    """
+    both = (one, other)
+    apart = other.centre - one.centre
+    across = one.axis[:2] / np.linalg.norm(one.axis[:2])
+    track = abs(float(apart[:2] @ across))
+    ahead = abs(float(apart[:2] @ np.array([across[1], -across[0]])))
+    along = min(abs(float(one.axis @ other.axis)), 1.0)
+    if track < SAME_PLACE or along < math.cos(2.0 * _LEANS) or ahead > track:
+        return None
+    faults = []
+    tilts = [math.asin(min(abs(float(joint.axis[2])), 1.0)) for joint in both]
+    if not (one.horizontal and other.horizontal):
+        lean = " and ".join(f"{tilt:.3g}" for tilt in tilts)
+        faults.append(f"their axes are {lean} rad from horizontal (camber)")
+    level, angle = abs(float(apart[2])), math.acos(along)
+    if level > SAME_PLACE:
+        faults.append(f"their heights differ by {level:.3g} m")
+    if ahead > SAME_PLACE:
+        faults.append(f"one is {ahead:.3g} m ahead of the other")
+    if angle > _ALIKE:
+        faults.append(f"their axes are {angle:.3g} rad apart")
+    radii = [radius for j in both if (radius := as_wheel(tree, j, set()).radius) is not None]
+    if len(radii) == 2 and abs(radii[0] - radii[1]) > SAME_RADIUS:
+        faults.append(f"their radii differ ({radii[0]:.4g} and {radii[1]:.4g} m)")
+    casters = [
+        joint.name
+        for joint in both
+        if says(CASTER, joint.name, joint.child)
+        or any(above.swivels for above in tree.chain(joint.parent))
+    ]
+    if casters:
+        faults.append(f"{' and '.join(casters)} swivels or is a caster's by its name")
+    nameable = max(*tilts, level, ahead, angle) <= _LEVEL
+    return faults or ["they are not on the ground, or smaller than other wheels"], nameable

@@ -1,0 +1,319 @@
+"""A robot's TOML with the reasons of its values as comments; the name, source and licence in it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import textwrap
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+from fnmatch import fnmatchcase
+from glob import escape
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from mobman.errors import SpecError
+from mobman.robots.infer.findings import Finding
+from mobman.robots.infer.infer import Inference
+from mobman.robots.spec import CriterionSource, UrdfSource
+from mobman.robots.urdf.read import urdf_file
+
+_WIDTH = 100
+_PACKAGE = "example-robot-data"
+_ABOVE = 6  # folders above the URDF that are looked in
+_LICENCES = (
+    (r"Apache(-| Software| License|,)*.{0,40}?(Version |-|v)? ?2(\.0)?\b", "Apache-2.0"),
+    (r"Redistribution and use in source and binary forms.*Neither the name", "BSD-3-Clause"),
+    (r"Redistribution and use in source and binary forms", "BSD-2-Clause"),
+    (r"(BSD[ -]?3|(3|three)[ -]clause BSD)", "BSD-3-Clause"),
+    (r"(BSD[ -]?2|(2|two)[ -]clause BSD)", "BSD-2-Clause"),
+    (
+        r"^MIT$|\bMIT[- ]Licen[cs]e|Licen[cs]e\W{0,3}MIT\b|Permission is hereby granted, free of charge",
+        "MIT",
+    ),
+    (r"\bBSD\b", "BSD"),
+)
+"""What texts say, and the short name of SPDX; the ones that say most first."""
+_IDENTIFIER = r"SPDX-License-Identifier: *([A-Za-z0-9][A-Za-z0-9.+-]*)"
+_GNU = r"(?:GNU )?(?P<kind>Lesser|Library|Affero)? ?General Public License"
+_GNU_SHORT = r"\b(?P<kind>L|A)?GPL"
+_GNU_KINDS = {"lesser": "L", "library": "L", "affero": "A", "l": "L", "a": "A"}
+_NUMBER = r"(?:[^0-9]{0,25}?\bv(?:ersion|er\.)?|[ -]?v?) ?(\d)(?:\.(\d))?\b"
+_COMMONS = r"Creative Commons|\bCC[ -]BY\b|\bCC0\b"
+_SEVERAL = r"[,;/]|\band\b|\bor\b(?!.{0,30}later)"
+_COMMONS_PARTS = (
+    (r"Non-?Commercial|\bNC\b", "NC"),
+    (r"No-?Deriv|\bND\b", "ND"),
+    (r"Share-?Alike|\bSA\b", "SA"),
+)
+_HEADER = 3000  # characters at the start of a file where a header is
+_LINE = 160  # characters of it that are quoted
+_ABOUT = (
+    "Written by mobman robots add from {}. Comments say why each value was taken; change what is "
+    "wrong."
+)
+_REST = (
+    "Joint positions (m, rad) away from limits and singular postures; joints that are not named rest at "
+    "0, locked ones are held there."
+)
+_WEIGHTS = (
+    "The default is for a radian of the arm. With it a wheel's angle, which grows all the way, or a "
+    "slide of a few centimetres would lead through algorithmic singularities."
+)
+_COUPLINGS = (
+    "A steering angle does not move the tip at once, and so nothing else here asks for one: it would "
+    "rest for ever. With these the platform steers to where the arm turns."
+)
+
+
+def robot_toml(found: Inference, name: str, source: UrdfSource) -> str:
+    """The text of a robot's TOML.
+
+    Args:
+        found: What is known of the robot.
+        name: Its name.
+        source: Where its URDF is.
+    """
+    path, drive, arm, standard = found.urdf.path, found.platform, found.arm, CriterionSource()
+    kind = drive.type.value
+    place = source.path if source.package is None else f"{source.package}, {source.path}"
+    origin = f"{place}, robot {found.robot_name!r} of the URDF"
+    joints = f"{len(arm.joints)} joints"
+    lines = [
+        *_comment(_ABOUT.format(path.name)),
+        *(line for doubt in found.uncertain for line in _comment(f"UNCERTAIN: {doubt}.")),
+        "schema = 1",
+        _entry("name", name),
+        _entry("description", f"{found.robot_name or path.stem}: {kind} platform, arm of {joints}"),
+        _entry("source", "; ".join([origin, *_header(path)])),
+        _entry("license", licence(path)),
+        _entry("tags", [kind]),
+        *("", "[urdf]"),
+    ]
+    if source.package is not None:
+        lines.append(_entry("package", source.package))
+    lines.append(_entry("path", source.path))
+    if source.packages:
+        lines.append(_entry("packages", source.packages, "where package://NAME/... is"))
+    if found.locks:
+        rows = []
+        for lock in found.locks:
+            first, *others = [f"    {_value(p)}," for p in patterns(lock.joints, found.joints)]
+            rows += [f"{first} # {_clean(lock.why)}", *others]
+        lines += ["lock = [", *rows, "]"]
+    lines += ["", "[platform]"]
+    lines += _entries({"type": drive.type, **found.fields})
+    if drive.rolling and (half := drive.half_track) is not None:
+        lines += _comment(f"half_track: half the distance of the wheels' centres is {half:.4f} m")
+    if drive.steering and drive.centre is not None:
+        ahead = drive.steering[0].centre[:2] - drive.centre[:2]
+        base = float(ahead @ drive.forward.direction)
+        lines += _comment(f"wheelbase: the steering is {base:.4f} m ahead of the rear axle")
+    lines += ["", f"[arm] # {joints}, reach {arm.reach:.2f} m", *_entries({"tip": arm.tip})]
+    lines += ["", *_comment(_REST), "[rest]", *_entries(found.rest)]
+    lines += ["", "[criterion] # K_F of (12)"]
+    lines.append(_entry("platform", standard.platform, "1/m^2, 1/rad^2"))
+    lines.append(_entry("default", standard.default, "1/rad^2"))
+    if found.couplings:
+        rows = [
+            f"    {{ {', '.join(_entry(key, value) for key, value in one)} }},"
+            for one in found.couplings
+        ]
+        lines += [*_comment(_COUPLINGS), "couplings = [", *rows, "]"]
+    if found.weights:
+        lines += [*_comment(_WEIGHTS), "[criterion.weights]", *_entries(found.weights)]
+    return "\n".join(lines) + "\n"
+
+
+def _entries(findings: dict[str, Finding]) -> list[str]:
+    return [_entry(key, finding.value, finding.why) for key, finding in findings.items()]
+
+
+def _entry(key: str, value: Any, why: str = "") -> str:
+    bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
+    line = f"{key if bare else _value(key)} = {_value(value)}"
+    return f"{line} # {_clean(why)}" if why else line
+
+
+def _value(value: Any) -> str:
+    """A value in TOML; strings have JSON's escapes, which TOML's include."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(float(value)) if isinstance(value, float) else str(value)
+
+
+def _comment(text: str) -> list[str]:
+    """A text as lines of comments."""
+    return textwrap.wrap(
+        _clean(text), _WIDTH, initial_indent="# ", subsequent_indent="# ",
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
+
+
+def _clean(text: str) -> str:
+    """A text that may stand in a comment: TOML allows no control characters there."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def patterns(wanted: Sequence[str], every: Iterable[str]) -> list[str]:
+    """Patterns that match exactly the wanted names, and names where none does.
+
+    Args:
+        wanted: Names to match, in the order in which the patterns are to come.
+        every: All names that there are.
+    """
+    others = [name for name in every if name not in set(wanted)]
+    left = list(dict.fromkeys(wanted))
+    found: list[str] = []
+    while left:
+        best = max(
+            (p for p in _candidates(left[0]) if not any(fnmatchcase(n, p) for n in others)),
+            # of those that say the same the simplest kind, "hand_*", and the longest of that kind
+            key=lambda p: (sum(fnmatchcase(n, p) for n in left), p.endswith("*"), len(p)),
+            default="",
+        )
+        if sum(fnmatchcase(name, best) for name in left) < 2:
+            best = escape(left[0])
+        found.append(best)
+        left = [name for name in left if not fnmatchcase(name, best)]
+    return found
+
+
+def _candidates(name: str) -> list[str]:
+    """Patterns from the words of a name: how it begins, begins and ends, and ends."""
+    words = re.split(r"(?<=[_\-./ ])", name)
+    tails = [name[match.start() :] for match in re.finditer(r"[_\-./ ]", name)]
+    found = []
+    for i in range(1, len(words)):
+        head = escape("".join(words[:i]))
+        found += [
+            f"{head}*",
+            *(f"{head}*{escape(tail)}" for tail in tails if len(tail) < len(name)),
+        ]
+    found += [f"*{escape(tail)}" for tail in tails]
+    return found
+
+
+def urdf_source(urdf: Path, folder: Path | None, packages: Sequence[Path] = ()) -> UrdfSource:
+    """The ``[urdf]`` table of a file, without ``lock``.
+
+    Args:
+        urdf: The file.
+        folder: Folder of the TOML, for a relative path where one is above the other; None: absolute.
+        packages: More folders with the packages of meshes.
+    """
+    urdf = urdf.resolve()
+    named = [_path_from(path.resolve(), folder) for path in packages]
+    for robots in urdf.parents:
+        if robots.parts[-2:] == (_PACKAGE, "robots"):
+            source = UrdfSource(path=urdf.relative_to(robots).as_posix(), package=_PACKAGE)
+            try:
+                if urdf_file(source, Path(), "").path == urdf:  # the package has this very file
+                    return source.model_copy(update={"packages": named})
+            except SpecError:
+                pass
+    return UrdfSource(path=_path_from(urdf, folder), packages=named)
+
+
+def _path_from(path: Path, folder: Path | None) -> str:
+    """A path relative to a folder where one is above the other, else absolute."""
+    if folder is None:
+        return str(path)
+    folder = folder.resolve()
+    if path.is_relative_to(folder) or folder.is_relative_to(path.parent):
+        return Path(os.path.relpath(path, folder)).as_posix()
+    return str(path)
+
+
+def licence(path: Path) -> str:
+    """What the URDF's header says, or the nearest package.xml or licence file above it.
+
+    ``not stated`` where nothing says it.
+    """
+    if said := _named_in(" ".join(_comments(path))):
+        return f"{said} (says the URDF's header)"
+    for folder in islice(path.parents, _ABOVE):
+        package = folder / "package.xml"
+        if package.is_file() and (said := _of_package(package)):
+            return f"{said} (says {package.name} in {folder.name})"
+        for file in sorted(folder.glob("LICEN[CS]E*")):
+            if file.is_file() and (said := _of_text(file)):
+                return f"{said} (says {file.name} in {folder.name})"
+        if (folder / ".git").exists():
+            break
+    return "not stated"
+
+
+def _header(path: Path) -> list[str]:
+    """The first comment of a URDF that says who wrote it, in one line; none if there is none."""
+    for comment in _comments(path):
+        if re.search(r"author|copyright|\(c\)|©|export", comment, re.IGNORECASE):
+            return [comment if len(comment) <= _LINE else f"{comment[: _LINE - 3]}..."]
+    return []
+
+
+def _comments(path: Path) -> list[str]:
+    """The comments at the start of a file, each in one line."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        start = file.read(_HEADER)
+    comments = re.findall(r"<!--(.*?)-->", start, re.DOTALL)
+    return [" ".join(re.sub(r"[=|*#-]{2,}|\|", " ", text).split()) for text in comments]
+
+
+def _of_package(path: Path) -> str:
+    try:
+        found = ET.parse(path).getroot().find("license")
+    except (ET.ParseError, OSError):
+        return ""
+    said = "" if found is None else " ".join((found.text or "").split())
+    if said.lower() in ("", "todo", "unknown"):
+        return ""
+    return said if re.search(_SEVERAL, said) else _named_in(said) or said
+
+
+def _of_text(path: Path) -> str:
+    try:
+        text = " ".join(path.read_text(encoding="utf-8", errors="replace")[:6000].split())
+    except OSError:
+        return ""
+    return _named_in(text)
+
+
+def _named_in(text: str) -> str:
+    """The short name of the licence that a text speaks of; empty if it speaks of none."""
+    if (identifier := re.search(_IDENTIFIER, text)) is not None:
+        return identifier[1]
+    if said := _creative_commons(text) or _gnu(text):
+        return said
+    return next(
+        (name for pattern, name in _LICENCES if re.search(pattern, text, re.IGNORECASE)), ""
+    )
+
+
+def _creative_commons(text: str) -> str:
+    start = re.search(_COMMONS, text, re.IGNORECASE)
+    if start is None:
+        return ""
+    said = text[start.start() : start.start() + _LINE]
+    if re.search(r"CC0|Zero", said, re.IGNORECASE):
+        return "CC0-1.0"
+    parts = [part for pattern, part in _COMMONS_PARTS if re.search(pattern, said, re.IGNORECASE)]
+    version = re.search(r"\b(\d\.\d)\b", said)
+    return "-".join(["CC-BY", *parts, *([version[1]] if version else [])])
+
+
+def _gnu(text: str) -> str:
+    start = re.search(_GNU, text, re.IGNORECASE) or re.search(_GNU_SHORT, text)
+    if start is None:
+        return ""
+    name = f"{_GNU_KINDS.get((start['kind'] or '').lower(), '')}GPL"
+    said = text[start.end() : start.end() + _LINE]
+    version = re.search(_NUMBER, said, re.IGNORECASE)
+    if version is None:
+        return name
+    later = "-or-later" if re.search(r"\bor\b.{0,35}?\blater", said, re.IGNORECASE) else ""
+    return f"{name}-{version[1]}.{version[2] or 0}{later}"
