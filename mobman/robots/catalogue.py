@@ -24,14 +24,14 @@ _loaded: dict[EntryPoint, RobotSpec | None] = {}
 def list_robots() -> list[str]:
     """The names that :func:`load_robot` takes, sorted; packages' robots without loading them. One that
     was asked for and could not be loaded is left out."""
-    return sorted({*_own(), *_registered, *_plugins(), *_users()})
+    return sorted({*own_robots(), *_registered, *_plugins(), *_users()})
 
 
 def origin_of(name: str) -> str:
     """Where a listed robot comes from: ``"mobman"``, ``"this process"``, a package or ``"user"``."""
     if name in _registered:
         return "this process"
-    if name in _own():
+    if name in own_robots():
         return "mobman"
     if name in _users():
         return "user"
@@ -111,7 +111,7 @@ def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
         return read_spec(Path(text))
     if text in _registered:
         return _registered[text]
-    if text in (own := _own()):
+    if text in (own := own_robots()):
         return read_spec(own[text])
     if text in (users := _users()):
         return _called(text, read_spec(users[text]))
@@ -126,7 +126,8 @@ def _called(name: str, spec: RobotSpec) -> RobotSpec:
     return spec if spec.name == name else spec.model_copy(update={"name": name})
 
 
-def _own() -> dict[str, Path]:
+def own_robots() -> dict[str, Path]:
+    """The robots that come with mobman: their files by name."""
     return {path.stem: path for path in sorted(resource_folder("robots").glob("*.toml"))}
 
 

@@ -9,6 +9,8 @@ from pydantic import ConfigDict, Field
 
 from mobman.toml_model import Strict, read_toml, validate
 
+NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
+"""Names of robots."""
 Point = tuple[float, float, float]
 
 
@@ -97,7 +99,7 @@ class RobotSpec(Strict):
     """A robot: what a file ``robots/NAME.toml`` says."""
 
     schema_version: Literal[1] = Field(alias="schema")
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
+    name: str = Field(pattern=f"^{NAME}$")
     description: str = ""
     source: str = ""
     license: str = ""

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from typing import Any
 
 import numpy as np
 
@@ -84,6 +85,22 @@ class Inference:
     weights: dict[str, Finding]
     couplings: tuple[Coupling, ...]
     uncertain: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """What a user looks at first, in values that JSON knows."""
+        drive, radius = self.platform, self.fields.get("wheel_radius")
+        return {
+            "urdf": str(self.urdf.path),
+            "platform": drive.type.value,
+            "wheels": [w.name for w in drive.rolling],
+            "wheel_radius": None if radius is None else radius.value,
+            "half_track": drive.half_track if drive.rolling else None,
+            "heading": drive.forward.heading,
+            "tip": self.arm.tip.value,
+            "arm_joints": [joint.name for joint in self.arm.joints],
+            "locked": [joint for lock in self.locks for joint in lock.joints],
+            "rest": {joint: value.value for joint, value in self.rest.items()},
+        }
 
 
 def infer(urdf: UrdfFile, options: Options) -> Inference:

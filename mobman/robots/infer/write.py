@@ -14,13 +14,16 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from mobman.errors import SpecError
+from mobman.errors import SpecError, UsageError
+from mobman.robots.catalogue import own_robots
 from mobman.robots.infer.findings import Finding
 from mobman.robots.infer.infer import Inference
-from mobman.robots.spec import CriterionSource, UrdfSource
+from mobman.robots.spec import NAME, CriterionSource, UrdfSource
 from mobman.robots.urdf.read import urdf_file
 
 _WIDTH = 100
+_GENERIC = r"((robot|model|urdf|main|description)([_.-]|$))+"
+"""File names that say nothing of the robot."""
 _PACKAGE = "example-robot-data"
 _ABOVE = 6  # folders above the URDF that are looked in
 _LICENCES = (
@@ -66,6 +69,35 @@ _COUPLINGS = (
     "A steering angle does not move the tip at once, and so nothing else here asks for one: it would "
     "rest for ever. With these the platform steers to where the arm turns."
 )
+
+
+def choose_name(wanted: str | None, output: Path | None, inside: str, urdf: Path) -> str:
+    """A name for a robot.
+
+    Args:
+        wanted: The user's, if there is one.
+        output: The TOML that the user wants written, whose name comes first; None: in the catalogue.
+        inside: The name in the URDF.
+        urdf: The URDF, whose name comes before that inside, unless it says nothing.
+
+    Raises:
+        UsageError: If the user's cannot be one, or nothing gives one.
+    """
+    if wanted is not None:
+        if not re.fullmatch(NAME, wanted):
+            raise UsageError(
+                f"--name {wanted!r}: allowed: letters, digits, '_', '.' and '-', first a letter or "
+                "digit"
+            )
+        return wanted
+    generic = re.fullmatch(_GENERIC, urdf.stem.lower()) is not None
+    of_files = (inside, urdf.stem) if generic else (urdf.stem, inside)
+    for candidate in (output.stem if output is not None else "", *of_files):
+        clean = re.sub(r"[^A-Za-z0-9_.-]+", "_", candidate).strip("_.-").lower()
+        if re.fullmatch(NAME, clean):
+            # many URDFs are those of robots that come with mobman
+            return f"my_{clean}" if output is None and clean in own_robots() else clean
+    raise UsageError(f"{urdf}: no name for the robot; give --name")
 
 
 def robot_toml(found: Inference, name: str, source: UrdfSource) -> str:

@@ -384,13 +384,9 @@ def test_folders_made_half_way_are_taken_back(run, urdf, tmp_path):
     assert files(tmp_path) == ["robot.urdf"]
 
 
-def test_a_folder_that_cannot_be_written_is_named(run, urdf, tmp_path, monkeypatch):
-    def denied(**options):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr("tempfile.mkstemp", denied)
-    result = run(urdf, "-o", tmp_path / "new" / "r.toml")
-    refused(result, str(tmp_path / "new"), "Permission denied")
+def test_a_folder_that_cannot_be_written_is_named(run, urdf, tmp_path):
+    result = run(urdf, "-o", tmp_path / "new" / f"{'x' * 249}.toml")
+    refused(result, str(tmp_path / "new"), "nothing can be written", "name too long")
     assert files(tmp_path) == ["robot.urdf"]
 
 
