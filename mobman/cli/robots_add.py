@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mobman.model.mobile_manipulator import MobileManipulator
 
 _ABOUT_OPTIONS = r"field '(platform|arm|urdf\.lock)\b|\[platform\]|\[arm\]"
-"""What a message speaks of where an option may mend it."""
+"""Parts of a message that an option may mend."""
 
 
 @click.command()

@@ -1,4 +1,4 @@
-"""Which robots there are: mobman's own, those registered by the user, and other packages'."""
+"""The catalogue of robots: mobman's own, those registered by the user, and other packages'."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def list_robots() -> list[str]:
 
 
 def origin_of(name: str) -> str:
-    """Where a listed robot comes from: ``"mobman"``, ``"this process"``, a package or ``"user"``."""
+    """The origin of a listed robot: ``"mobman"``, ``"this process"``, a package or ``"user"``."""
     if name in _registered:
         return "this process"
     if name in own_robots():
@@ -39,8 +39,7 @@ def origin_of(name: str) -> str:
 
 
 def user_robots_folder() -> Path:
-    """Where robots that the user added are: a folder of the user's data directory, which need not
-    exist."""
+    """The folder of robots that the user added, in the user's data directory; it need not exist."""
     return platformdirs.user_data_path("mobman", appauthor=False) / "robots"
 
 

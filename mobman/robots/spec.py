@@ -15,7 +15,7 @@ Point = tuple[float, float, float]
 
 
 class UrdfSource(Strict):
-    """Where a URDF is, and which of its joints do not move."""
+    """A URDF's place, and those of its joints that do not move."""
 
     path: str
     """File: relative to the TOML, or to the package's ``robots`` folder where one is named."""
@@ -83,14 +83,14 @@ class CriterionSource(Strict):
     """Weights of the posture criterion (12): K_F, which is diagonal but for the couplings."""
 
     platform: float = Field(0.001, gt=0)
-    """Of the platform's position and heading (1/m^2, 1/rad^2)."""
+    """Weight of the platform's position and heading (1/m^2, 1/rad^2)."""
     default: float = Field(0.05, gt=0)
-    """Of all other coordinates."""
+    """Weight of all other coordinates."""
     wheels: float | None = Field(None, gt=0)
-    """Of the angles of the platform's wheels; by default as of the others, the paper's choice. They
+    """Weight of the platform's wheels; by default that of the others, the paper's choice. They
     grow with the way that is driven, and then they outweigh the arm unless they weigh less."""
     weights: dict[str, float] = {}
-    """Of single coordinates, by joint name."""
+    """Weights of single coordinates, by joint name."""
     couplings: list[Coupling] = []
     """Coordinates that are to follow others."""
 
@@ -108,7 +108,7 @@ class RobotSpec(Strict):
     """The robot's URDF, or the platform's where arms are mounted on it; absent where ``platform.body``
     describes the platform by its numbers."""
     mount: list[Mount] = []
-    """What is mounted on the platform, in this order."""
+    """Arms and other parts mounted on the platform, in this order."""
     platform: PlatformSource
     arm: ArmSource
     rest: dict[str, float] = {}
@@ -127,7 +127,7 @@ class RobotSpec(Strict):
 
     @property
     def where(self) -> str:
-        """What to call it in messages."""
+        """Its name in messages."""
         return f"robot {self.name!r}" + (f" ({self.file})" if self.file is not None else "")
 
 

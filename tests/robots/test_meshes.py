@@ -10,7 +10,7 @@ import pytest
 import mobman as mm
 from mobman.errors import SpecError
 from mobman.model.build import load_geometry
-from mobman.robots.urdf.meshes import Mesh, absolute_meshes, mesh_paths
+from mobman.robots.urdf.meshes import MeshReference, absolute_meshes, mesh_paths
 from mobman.robots.urdf.read import UrdfFile
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -71,10 +71,10 @@ def test_each_mesh_is_told_with_its_link_and_use(tmp_path):
     mesh = file(tmp_path / "a.obj")
     source = urdf(tmp_path, "a.obj", "b.obj")
     assert mesh_paths(source.parse(), source) == [
-        Mesh("link_0", "visual", "a.obj", mesh, ""),
-        Mesh("link_0", "collision", "a.obj", mesh, ""),
-        Mesh("link_1", "visual", "b.obj", None, "is not there"),
-        Mesh("link_1", "collision", "b.obj", None, "is not there"),
+        MeshReference("link_0", "visual", "a.obj", mesh, ""),
+        MeshReference("link_0", "collision", "a.obj", mesh, ""),
+        MeshReference("link_1", "visual", "b.obj", None, "is not there"),
+        MeshReference("link_1", "collision", "b.obj", None, "is not there"),
     ]
 
 

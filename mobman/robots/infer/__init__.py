@@ -1,1 +1,1 @@
-"""What a robot's TOML says, found out from its URDF: wheels, platform, arm, rest posture."""
+"""Inference of a robot's TOML from its URDF: wheels, platform, arm, rest posture."""

@@ -17,7 +17,7 @@ from mobman.robots.infer.findings import (
     HEAD,
     NO_TIP,
     TIPS,
-    Finding,
+    Inferred,
     Undecided,
     common,
     says,
@@ -55,12 +55,12 @@ class Arm:
 
     joints: tuple[Joint, ...]
     own: int
-    tip: Finding
+    tip: Inferred
     reach: float
 
 
 class Branches:
-    """What moves and is not the platform: arms, heads, grippers.
+    """Arms, heads and grippers: all that moves and is not the platform.
 
     Args:
         tree: The robot.
@@ -114,7 +114,7 @@ class Branches:
         own = [*reversed(shared), True].index(True)
         return Arm(joints, own, tip, reach(self._tree, joints[len(joints) - own :], tip.value))
 
-    def _tip(self, end: Joint) -> Finding:
+    def _tip(self, end: Joint) -> Inferred:
         """The best frame on the last link of a chain."""
         tree = self._tree
         body = tree.rigid(end.child)
@@ -132,10 +132,10 @@ class Branches:
                     named,
                     key=lambda name: (base and name in palms, tree.depth(name), -body.index(name)),
                 )
-                return Finding(best, what)
+                return Inferred(best, what)
         if palms:
-            return Finding(max(palms, key=tree.depth), "the link that carries the fingers")
-        return Finding(max(frames, key=tree.depth), "the last link of the chain")
+            return Inferred(max(palms, key=tree.depth), "the link that carries the fingers")
+        return Inferred(max(frames, key=tree.depth), "the last link of the chain")
 
     def _find_fingers(self) -> set[str]:
         tree = self._tree
@@ -159,12 +159,12 @@ class Branches:
         return found
 
     def _at_the_end(self, joint: Joint) -> bool:
-        """Whether what is behind a joint is no larger than a gripper."""
+        """True if all behind a joint is no larger than a gripper."""
         longest = max(len(chain) for chain in self._chains(joint))
         return longest <= 5 and self._length(joint) < 2.0 * _SHORT
 
     def _one_of_several(self, joint: Joint) -> bool:
-        """Whether a short chain starts at a place where nothing but short chains start."""
+        """True if several chains start where a joint is, and all are short."""
         before = [j for j in self._tree.chain(joint.parent) if j.name not in self._taken]
         if len(before) < _ARM:
             return False
@@ -172,7 +172,7 @@ class Branches:
         return len(siblings) >= 2 and all(self._length(sibling) <= _SHORT for sibling in siblings)
 
     def _length(self, joint: Joint) -> float:
-        """How far a chain that starts with a joint reaches (m)."""
+        """The reach of the longest chain that starts with a joint (m)."""
         return max(reach(self._tree, chain, chain[-1].child) for chain in self._chains(joint))
 
     def _chains(self, joint: Joint) -> Iterator[list[Joint]]:
@@ -214,7 +214,7 @@ def choose_arm(tree: Tree, branches: Branches, tip: str | None) -> Arm:
         of = next((arm for arm in arms if arm.joints == joints), None)
         own = of.own if of is not None else len(joints)
         chain = joints[len(joints) - own :]
-        return Arm(joints, own, Finding(tip, "as asked for"), reach(tree, chain, tip))
+        return Arm(joints, own, Inferred(tip, "as asked for"), reach(tree, chain, tip))
     if not arms:
         raise Undecided(
             "no arm was found: beside the platform no joint moves; mount one by [[mount]] in a TOML file"
@@ -264,7 +264,7 @@ def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
 
 
 def _range(joint: Joint) -> tuple[float, float]:
-    """Where a joint may rest."""
+    """The positions in which a joint may rest (m, rad)."""
     if joint.endless or not math.isfinite(joint.width):
         return -_ENDLESS, _ENDLESS
     middle, half = 0.5 * (joint.lower + joint.upper), 0.5 * joint.width
@@ -276,7 +276,7 @@ def _range(joint: Joint) -> tuple[float, float]:
 
 
 class _Score:
-    """How good postures are: a number above 0 for each."""
+    """A score of postures: a number above 0 for each."""
 
     def __init__(
         self,

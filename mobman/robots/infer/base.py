@@ -13,7 +13,7 @@ from mobman.robots.infer.findings import (
     MECANUM,
     WHEEL,
     WITHOUT_WHEELS,
-    Finding,
+    Inferred,
     Lock,
     Options,
     Undecided,
@@ -58,7 +58,7 @@ def find_drive(
     if options.right_wheels or options.left_wheels or options.wheels:
         drive = _named(tree, options, ignored)
     elif options.platform in WITHOUT_WHEELS:
-        drive = Drive(Finding(options.platform, "as asked for"))
+        drive = Drive(Inferred(options.platform, "as asked for"))
         fixed, _ = _driven_wheels(wheels)
         for one, other in pairs_of(fixed)[:1]:  # they say where forward and the axle are
             drive.right, drive.left = [one], [other]
@@ -99,7 +99,7 @@ def _named(tree: Tree, options: Options, ignored: set[str]) -> Drive:
         )
     if kind in ("differential", "car-like") and len(right) != 1:
         raise Undecided(f"{kind}: give one --right-wheel and one --left-wheel")
-    drive = Drive(Finding(kind, "as asked for"), right, left, steering=steering)
+    drive = Drive(Inferred(kind, "as asked for"), right, left, steering=steering)
     if kind == "car-like":
         if not steering:
             raise Undecided(f"car-like: name --steering; candidates: {names_of(tree.movable)}")
@@ -160,7 +160,7 @@ def _of_pairs(
     )
     listing = ", ".join(f"{a.name} and {b.name}" for a, b in pairs) or "no pair of wheels"
     if kind == "omnidirectional":
-        return Drive(Finding(kind, sign), wheels=[*right, *left], kind=Finding("mecanum"))
+        return Drive(Inferred(kind, sign), wheels=[*right, *left], kind=Inferred("mecanum"))
     if kind == "car-like":
         if len(pairs) != 1 or not 0 < len(steering) <= 2:
             raise Undecided(
@@ -170,19 +170,19 @@ def _of_pairs(
             )
         why = "limited vertical joints carry the front wheels"
         front = _steered_wheels(steering, steered)
-        return Drive(Finding(kind, why), right, left, steering=steering, front=front)
+        return Drive(Inferred(kind, why), right, left, steering=steering, front=front)
     if kind == "differential":
         if len(pairs) != 1:
             raise Undecided(
                 f"a differential platform has two driven wheels; found {listing}: name them by "
                 "--right-wheel and --left-wheel"
             )
-        return Drive(Finding(kind, "two driven wheels on one axle"), right, left)
+        return Drive(Inferred(kind, "two driven wheels on one axle"), right, left)
     if not pairs:
         raise Undecided(
             "no pair of driven wheels was found: name them by --right-wheel and --left-wheel"
         )
-    drive = Drive(Finding(kind, f"{len(pairs)} pairs of wheels that do not steer"), right, left)
+    drive = Drive(Inferred(kind, f"{len(pairs)} pairs of wheels that do not steer"), right, left)
     if options.platform is None and _mecanum_fits(drive.driven):
         drive.uncertain.append(
             "nothing says whether the wheels are mecanum wheels; if they are: --platform omnidirectional"
@@ -262,7 +262,7 @@ def _alike(one: Rolling, other: Rolling) -> bool:
 
 
 def _around(swivel: Joint, one: Rolling, other: Rolling) -> bool:
-    """Whether two wheels are on either side of a swivel's axis, not both at a caster's fork."""
+    """True if two wheels are on either side of a swivel's axis, not both at a caster's fork."""
     track = other.joint.centre[:2] - one.joint.centre[:2]
     middle = 0.5 * (other.joint.centre[:2] + one.joint.centre[:2])
     off = float(abs((swivel.centre[:2] - middle) @ track) / (track @ track))
@@ -281,10 +281,10 @@ def _omnidirectional(driven: list[Rolling], hint: str) -> Drive:
             f"{', '.join(w.name for w in driven) or 'none'}: name them by --wheel (once for each)"
         )
     if _all_parallel(driven):
-        why, kind = _mecanum_sign(driven, hint) or "as asked for", Finding("mecanum")
+        why, kind = _mecanum_sign(driven, hint) or "as asked for", Inferred("mecanum")
     else:
         why, kind = f"{len(driven)} wheels with axes in different directions", OMNI
-    drive = Drive(Finding("omnidirectional", why), wheels=driven, kind=kind)
+    drive = Drive(Inferred("omnidirectional", why), wheels=driven, kind=kind)
     if swivels := tuple(w.swivel.name for w in driven if w.swivel is not None):
         drive.uncertain.append(
             f"{', '.join(swivels)} swivel the wheels; they are locked and the wheels taken as "
@@ -294,7 +294,7 @@ def _omnidirectional(driven: list[Rolling], hint: str) -> Drive:
 
 
 def _mecanum_fits(wheels: list[Rolling]) -> bool:
-    """Whether wheels with rollers at 45 degrees would drive in every direction in these places."""
+    """True if wheels with rollers at 45 degrees would drive in every direction in these places."""
     if len(wheels) < 3:
         return False
     centres = np.array([w.joint.centre for w in wheels])
@@ -315,7 +315,7 @@ def _mecanum_fits(wheels: list[Rolling]) -> bool:
 
 
 def _mecanum_sign(wheels: Sequence[Rolling], hint: str) -> str:
-    """What says that wheels have rollers; empty if nothing does."""
+    """The evidence that wheels have rollers; empty if there is none."""
     if any(w.rollers for w in wheels):
         return "there are rollers behind the wheels"
     for name in (name for w in wheels for name in (w.name, w.joint.child, *w.meshes)):

@@ -12,7 +12,7 @@ from mobman.arrays import Array
 from mobman.robots.infer.findings import (
     CASTER,
     WITHOUT_WHEELS,
-    Finding,
+    Inferred,
     Lock,
     Options,
     lengthwise,
@@ -25,7 +25,7 @@ _NAMES, _ROOT, _ARM = 1.5, 1.0, 0.5  # how much each kind of evidence for forwar
 _CLEAR = 0.75  # less evidence than this is uncertain
 _NEAR = 0.02  # m; a place that near the middle is neither in front nor behind
 _EXACT = 1e-6  # rad
-OMNI = Finding("omni", "rollers across the wheel's axis")
+OMNI = Inferred("omni", "rollers across the wheel's axis")
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,11 @@ class Drive:
         uncertain: What the URDF does not tell for sure.
     """
 
-    type: Finding
+    type: Inferred
     right: list[Rolling] = field(default_factory=list)
     left: list[Rolling] = field(default_factory=list)
     wheels: list[Rolling] = field(default_factory=list)
-    kind: Finding = OMNI
+    kind: Inferred = OMNI
     steering: list[Joint] = field(default_factory=list)
     front: list[Rolling] = field(default_factory=list)
     forward: Forward = _AHEAD

@@ -1,4 +1,4 @@
-"""What inference is given and what it finds: options, values with their reasons, and what names say."""
+"""Input and output of inference: options, values with their reasons, and the meaning of names."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _RIGHT, _LEFT = r"right|(^|_)(r|fr|rf|br|rb|rr)(_|\d|$)", r"left|(^|_)(l|fl|lf|b
 
 @dataclass(frozen=True)
 class Options:
-    """What the user says of a robot instead of having it inferred.
+    """Facts that the user gives instead of having them inferred.
 
     Attributes:
         tip: Link whose origin is the end-effector.
@@ -76,7 +76,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Inferred:
     """A value and why it was taken."""
 
     value: Any
@@ -96,7 +96,7 @@ class Undecided(UsageError):
 
 
 def says(pattern: str, *names: str) -> bool:
-    """Whether one of the names has what the pattern looks for."""
+    """True if one of the names matches the pattern."""
     return any(re.search(pattern, plain(name)) for name in names)
 
 
@@ -117,6 +117,6 @@ def sideways(*names: str) -> int:
 
 
 def common(pattern: str, names: Iterable[str]) -> bool:
-    """Whether most of the names have what a pattern looks for, which then tells nothing."""
+    """True if most of the names match a pattern, which then tells nothing."""
     names = list(names)
     return sum(says(pattern, name) for name in names) > 0.6 * len(names)

@@ -26,7 +26,7 @@ from mobman.robots.infer.drive import Drive
 from mobman.robots.infer.findings import (
     MECANUM,
     PLANAR_DRIVE,
-    Finding,
+    Inferred,
     Lock,
     Options,
     Undecided,
@@ -56,7 +56,7 @@ _LONG = 1.0  # m; an arm of this reach moves its tip by a metre a radian
 
 @dataclass(frozen=True)
 class Inference:
-    """What was found out about a robot.
+    """Everything that was inferred of a robot.
 
     Attributes:
         urdf: Its file.
@@ -77,17 +77,17 @@ class Inference:
     robot_name: str
     joints: tuple[str, ...]
     platform: Drive
-    fields: dict[str, Finding]
+    fields: dict[str, Inferred]
     arm: Arm
     free: tuple[str, ...]
     locks: tuple[Lock, ...]
-    rest: dict[str, Finding]
-    weights: dict[str, Finding]
+    rest: dict[str, Inferred]
+    weights: dict[str, Inferred]
     couplings: tuple[Coupling, ...]
     uncertain: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
-        """What a user looks at first, in values that JSON knows."""
+        """The facts that a user looks at first, in values that JSON knows."""
         drive, radius = self.platform, self.fields.get("wheel_radius")
         return {
             "urdf": str(self.urdf.path),
@@ -193,7 +193,7 @@ def _wheel_joints(wheels: Iterable[Rolling]) -> set[str]:
 
 
 def _hint(robot: ET.Element) -> str:
-    """What in the robot's name or in its simulator's plug-ins speaks of wheels with rollers."""
+    """The robot's name or the simulator's plug-in that speaks of wheels with rollers; else empty."""
     name = robot.get("name", "")
     if says(MECANUM, name):
         return f"robot {name!r}"
@@ -253,46 +253,46 @@ def _locks(
     return found
 
 
-def _ground(tree: Tree, drive: Drive, radius: Finding | None) -> Finding:
+def _ground(tree: Tree, drive: Drive, radius: Inferred | None) -> Inferred:
     """The height of the ground in the root link's frame (m)."""
     centre = drive.centre
     if radius is not None and centre is not None:
-        return Finding(float(centre[2]) - float(radius.value), "where the wheels stand")
+        return Inferred(float(centre[2]) - float(radius.value), "where the wheels stand")
     lowest = lowest_point(tree, [*tree.rigid(tree.root), *(w.joint.child for w in drive.driven)])
     named = footprint(tree, math.inf if lowest is None else lowest.value + 0.5)
-    return named or lowest or Finding(0.0, f"the origin of {tree.root}")
+    return named or lowest or Inferred(0.0, f"the origin of {tree.root}")
 
 
-def _fields(drive: Drive, radius: Finding | None, ground: Finding) -> dict[str, Finding]:
-    fields: dict[str, Finding] = {}
+def _fields(drive: Drive, radius: Inferred | None, ground: Inferred) -> dict[str, Inferred]:
+    fields: dict[str, Inferred] = {}
     kind = drive.type.value
     if kind != "fixed" and drive.forward.heading != 0.0:
-        fields["heading"] = Finding(drive.forward.heading, f"forward: {drive.forward.why}")
+        fields["heading"] = Inferred(drive.forward.heading, f"forward: {drive.forward.why}")
     right, left = [w.name for w in drive.right], [w.name for w in drive.left]
     if kind == "differential":
-        fields |= {"right_wheel": Finding(right[0]), "left_wheel": Finding(left[0])}
+        fields |= {"right_wheel": Inferred(right[0]), "left_wheel": Inferred(left[0])}
     elif kind == "skid-steer":
-        fields |= {"right_wheels": Finding(right), "left_wheels": Finding(left)}
+        fields |= {"right_wheels": Inferred(right), "left_wheels": Inferred(left)}
     elif kind == "omnidirectional":
-        fields |= {"kind": drive.kind, "wheels": Finding([w.name for w in drive.wheels])}
+        fields |= {"kind": drive.kind, "wheels": Inferred([w.name for w in drive.wheels])}
     elif kind == "car-like":
-        fields |= {"rear_right_wheel": Finding(right[0]), "rear_left_wheel": Finding(left[0])}
-        fields["steering"] = Finding([joint.name for joint in drive.steering])
+        fields |= {"rear_right_wheel": Inferred(right[0]), "rear_left_wheel": Inferred(left[0])}
+        fields["steering"] = Inferred([joint.name for joint in drive.steering])
         if drive.front:
-            fields["front_wheels"] = Finding([w.name for w in drive.front])
+            fields["front_wheels"] = Inferred([w.name for w in drive.front])
     elif kind == "unicycle":
         centre = drive.centre
         where = [0.0, 0.0] if centre is None else [round(float(x), 5) + 0.0 for x in centre[:2]]
         what = "the root link's origin" if centre is None else "the middle of the wheels' axle"
-        fields["axle"] = Finding(where, f"{what}, where it does not slip sideways")
-        fields["height"] = Finding(round(-ground.value, 5) + 0.0, f"ground: {ground.why}")
+        fields["axle"] = Inferred(where, f"{what}, where it does not slip sideways")
+        fields["height"] = Inferred(round(-ground.value, 5) + 0.0, f"ground: {ground.why}")
     if radius is not None:
         fields["wheel_radius"] = radius
     return fields
 
 
-def _rest(tree: Tree, arm: Arm, still: set[str], around: Surroundings) -> dict[str, Finding]:
-    """Where joints rest that do not rest at zero; those that do not move, too."""
+def _rest(tree: Tree, arm: Arm, still: set[str], around: Surroundings) -> dict[str, Inferred]:
+    """Positions of all joints that do not rest at zero (m, rad)."""
     tip = arm.tip.value
     at = held(tree, still, {})
     values: dict[str, float] = {}
@@ -302,10 +302,10 @@ def _rest(tree: Tree, arm: Arm, still: set[str], around: Surroundings) -> dict[s
         before, at = at, held(tree, still, values)
         if all(at.get(j.name) == before.get(j.name) for j in tree.chain(tip) if j.name in still):
             break
-    return {name: Finding(value) for name, value in values.items()} | at
+    return {name: Inferred(value) for name, value in values.items()} | at
 
 
-def _weights(drive: Drive, radius: Finding | None, arm: Arm) -> dict[str, Finding]:
+def _weights(drive: Drive, radius: Inferred | None, arm: Arm) -> dict[str, Inferred]:
     """Weights of the posture criterion that make metres and radians comparable, by joint name.
 
     A wheel's weight is for the metres that it rolls: with a long arm a metre weighs as much as a
@@ -318,11 +318,11 @@ def _weights(drive: Drive, radius: Finding | None, arm: Arm) -> dict[str, Findin
         share = min(arm.reach / _LONG, 1.0)
         weight = float(f"{default * (radius.value * share) ** 2:.2g}")
         why = f"default * (wheel_radius * {share:.2g} / m)^2: by the metres that it rolls"
-        found = {w.name: Finding(weight, why) for w in drive.rolling}
+        found = {w.name: Inferred(weight, why) for w in drive.rolling}
     for joint in arm.joints:
         if joint.prismatic and 0.0 < joint.width < math.inf:
             why = f"default / ({joint.width:.3g} m)^2: its way"
-            found[joint.name] = Finding(float(f"{default / joint.width**2:.2g}"), why)
+            found[joint.name] = Inferred(float(f"{default / joint.width**2:.2g}"), why)
     return found
 
 

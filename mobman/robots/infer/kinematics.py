@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mobman.arrays import Array
-from mobman.robots.infer.findings import Finding
+from mobman.robots.infer.findings import Inferred
 from mobman.robots.urdf.compose import root_link
 from mobman.robots.urdf.meshes import MeshReader, mesh_paths
 from mobman.robots.urdf.read import UrdfFile
@@ -26,7 +26,7 @@ _VERTICAL = _HORIZONTAL = 0.02  # rad
 
 @dataclass(frozen=True)
 class Follows:
-    """What a mimic joint does: multiplier * position of another joint + offset (m, rad)."""
+    """The law of a mimic joint: multiplier * position of another joint + offset (m, rad)."""
 
     joint: str
     multiplier: float
@@ -57,12 +57,12 @@ class Joint:
 
     @property
     def movable(self) -> bool:
-        """Whether it has a degree of freedom."""
+        """True if it has a degree of freedom."""
         return self.kind != "fixed"
 
     @property
     def prismatic(self) -> bool:
-        """Whether it slides."""
+        """True if it slides."""
         return self.kind == "prismatic"
 
     @property
@@ -72,27 +72,27 @@ class Joint:
 
     @property
     def endless(self) -> bool:
-        """Whether it turns without limits, or with limits that amount to none."""
+        """True if it turns without limits, or with limits that amount to none."""
         return self.kind == "continuous" or (self.kind == "revolute" and self.width > _WIDE)
 
     @property
     def vertical(self) -> bool:
-        """Whether its axis is along the root link's z."""
+        """True if its axis is along the root link's z."""
         return abs(float(self.axis[2])) > math.cos(_VERTICAL)
 
     @property
     def horizontal(self) -> bool:
-        """Whether its axis is across the root link's z."""
+        """True if its axis is across the root link's z."""
         return abs(float(self.axis[2])) < math.sin(_HORIZONTAL)
 
     @property
     def swivels(self) -> bool:
-        """Whether it turns freely about the vertical, as a caster's does."""
+        """True if it turns freely about the vertical, as a caster's does."""
         return not self.prismatic and self.vertical and (self.endless or self.width > _FULL_TURN)
 
     @property
     def steers(self) -> bool:
-        """Whether it turns about the vertical, within limits."""
+        """True if it turns about the vertical, within limits."""
         return not self.prismatic and self.vertical and not self.swivels
 
 
@@ -207,7 +207,7 @@ class Tree:
         return self._shapes[link, use]
 
     def lacks(self, filename: str) -> bool:
-        """Whether the mesh that the URDF names so is missing, as many are of manufacturers' URDFs."""
+        """True if a mesh of the URDF is missing, as many are of manufacturers' URDFs."""
         return self._paths.get(filename) is None
 
     @cached_property
@@ -266,7 +266,7 @@ class Chain:
     """
 
     def __init__(
-        self, tree: Tree, joints: Sequence[Joint], tip: str, held: Mapping[str, Finding]
+        self, tree: Tree, joints: Sequence[Joint], tip: str, held: Mapping[str, Inferred]
     ) -> None:
         self.joints = tuple(joints)
         own = {joint.name: i for i, joint in enumerate(joints)}
@@ -281,7 +281,7 @@ class Chain:
         self._tip = tree.position[tip]
 
     def places(self, q: Array) -> tuple[Array, Array, Array]:
-        """Where joints and tip are.
+        """Places of the joints and the tip.
 
         Args:
             q: Postures (m, rad), shape (m, n).
@@ -314,8 +314,8 @@ class Chain:
         return result
 
 
-def held(tree: Tree, names: Iterable[str], rest: Mapping[str, float]) -> dict[str, Finding]:
-    """Where joints are held that are not at zero (m, rad), by name.
+def held(tree: Tree, names: Iterable[str], rest: Mapping[str, float]) -> dict[str, Inferred]:
+    """Positions of held joints that are not held at zero (m, rad), by name.
 
     Args:
         tree: The robot.
@@ -330,10 +330,10 @@ def held(tree: Tree, names: Iterable[str], rest: Mapping[str, float]) -> dict[st
     return {name: finding for name, finding in found.items() if finding.value != 0.0}
 
 
-def _held_at(tree: Tree, joint: Joint, rest: Mapping[str, float], seen: frozenset[str]) -> Finding:
-    """Where a joint is: with its master, else at zero; within its limits."""
+def _held_at(tree: Tree, joint: Joint, rest: Mapping[str, float], seen: frozenset[str]) -> Inferred:
+    """The position of a held joint: with its master, else at zero; within its limits."""
     if joint.name in rest:
-        return Finding(rest[joint.name])
+        return Inferred(rest[joint.name])
     wanted, why = 0.0, "0 is outside its limits"
     follows = joint.follows
     if follows is not None and joint.name not in seen:
@@ -344,11 +344,11 @@ def _held_at(tree: Tree, joint: Joint, rest: Mapping[str, float], seen: frozense
     value = float(min(max(wanted, joint.lower), joint.upper))
     if value != wanted and follows is not None:
         why += ", within its limits"
-    return Finding(value, why)
+    return Inferred(value, why)
 
 
 def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:
-    """What mimic joints on the way to a tip would add, were they not held.
+    """Messages about the motion that is lost since mimic joints on the way to a tip are held.
 
     Args:
         tree: The robot.

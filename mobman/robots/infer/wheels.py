@@ -15,7 +15,7 @@ from mobman.robots.infer.findings import (
     CASTER,
     FOOTPRINT,
     WHEEL,
-    Finding,
+    Inferred,
     Options,
     Undecided,
     says,
@@ -54,8 +54,8 @@ class Rolling:
     """
 
     joint: Joint
-    collision: Finding | None
-    visual: Finding | None
+    collision: Inferred | None
+    visual: Inferred | None
     swivel: Joint | None
     steering: Joint | None
     suspension: tuple[Joint, ...]
@@ -86,11 +86,11 @@ class Rolling:
         return np.array([self.across[1], -self.across[0]])
 
     def says(self, pattern: str) -> bool:
-        """Whether its names have what a pattern looks for."""
+        """True if one of its names matches a pattern."""
         return says(pattern, self.name, self.joint.child)
 
     def parallel(self, other: Rolling) -> bool:
-        """Whether two axes have one direction."""
+        """True if two axes have one direction."""
         return abs(float(self.across @ other.across)) > _PARALLEL
 
 
@@ -160,7 +160,7 @@ def _one_axle(one: Rolling, other: Rolling) -> bool:
 
 
 def _carries_nothing(tree: Tree, joint: Joint) -> bool:
-    """Whether a joint carries nothing that moves, or nothing but rollers."""
+    """True if a joint carries nothing that moves, or nothing but rollers."""
     behind = list(tree.behind(joint))
     leaves = all(not any(tree.behind(j)) for j in behind)
     return not behind or (leaves and len(behind) >= _ROLLERS and all(j.endless for j in behind))
@@ -173,7 +173,7 @@ def _suspends(joint: Joint) -> bool:
 
 
 def _on_ground(wheels: list[Rolling]) -> list[Rolling]:
-    """Without what turns like a wheel but is high above the ground."""
+    """The wheels, less those that are high above the ground."""
     heights = {w: float(w.joint.centre[2]) for w in wheels}
     bottoms = {w: heights[w] - w.radius for w in wheels if w.radius is not None}
     lowest, lowest_axle = min(bottoms.values(), default=0.0), min(heights.values(), default=0.0)
@@ -187,11 +187,11 @@ def _on_ground(wheels: list[Rolling]) -> list[Rolling]:
 
 
 def _turning(tree: Tree, joint: Joint) -> list[str]:
-    """What turns with a wheel: its link, what is fixed to it, and rollers."""
+    """Links that turn with a wheel: its own, what is fixed to it, and rollers."""
     return [link for j in (joint, *tree.behind(joint)) for link in tree.rigid(j.child)]
 
 
-def _radius(tree: Tree, joint: Joint, use: Use) -> Finding | None:
+def _radius(tree: Tree, joint: Joint, use: Use) -> Inferred | None:
     """The radius that the collision or the visual geometry behind a joint has about its axis.
 
     None if there is none, or if some of its meshes are missing: what is left may be the hub only.
@@ -199,7 +199,7 @@ def _radius(tree: Tree, joint: Joint, use: Use) -> Finding | None:
     shapes = [(link, shape) for link in _turning(tree, joint) for shape in tree.shapes(link, use)]
     complete = all(shape.known for _, shape in shapes)
     found = [
-        Finding(value, f"{use} {shape.kind} of {link}")
+        Inferred(value, f"{use} {shape.kind} of {link}")
         for link, shape in sorted(shapes, key=lambda entry: entry[1].kind == "mesh")
         if (complete or shape.kind != "mesh")
         and (value := radius_about(shape, joint.centre, joint.axis)) is not None
@@ -207,24 +207,24 @@ def _radius(tree: Tree, joint: Joint, use: Use) -> Finding | None:
     if any(tree.behind(joint)) and shapes and complete:  # rollers: round together only
         together = extent_about([shape for _, shape in shapes], joint.centre, joint.axis)
         if together is not None:
-            found.append(Finding(together, f"{use} geometry of {joint.child} and its rollers"))
+            found.append(Inferred(together, f"{use} geometry of {joint.child} and its rollers"))
     return max(found, key=lambda radius: float(radius.value), default=None)
 
 
-def footprint(tree: Tree, below: float) -> Finding | None:
+def footprint(tree: Tree, below: float) -> Inferred | None:
     """The ground (m) as the origin of a link made for it, if it is below a height (m)."""
     for name in (tree.root, *tree.rigid(tree.root)):
         height = float(tree.position[name][2])
         if says(FOOTPRINT, name) and height < below - _LEAST:
-            return Finding(height, name)
+            return Inferred(height, name)
     return None
 
 
-def lowest_point(tree: Tree, links: Iterable[str]) -> Finding | None:
+def lowest_point(tree: Tree, links: Iterable[str]) -> Inferred | None:
     """The height of the lowest point of the geometry of links (m)."""
     down = np.array([0.0, 0.0, -1.0])
     lowest = [
-        Finding(-shape.reach(down), f"the lowest point, {shape.use} {shape.kind} of {link}")
+        Inferred(-shape.reach(down), f"the lowest point, {shape.use} {shape.kind} of {link}")
         for link in links
         for use in USES
         for shape in tree.shapes(link, use)
@@ -235,7 +235,7 @@ def lowest_point(tree: Tree, links: Iterable[str]) -> Finding | None:
 
 def settle_radius(
     tree: Tree, wheels: Sequence[Rolling], options: Options
-) -> tuple[Finding, list[str]]:
+) -> tuple[Inferred, list[str]]:
     """The radius of the driven wheels and what is not certain about it.
 
     Sources are the collision geometry, the visual geometry and the axle's height above a footprint
@@ -246,7 +246,7 @@ def settle_radius(
         Undecided: If nothing tells.
     """
     uncertain: list[str] = []
-    sources: list[Finding] = []
+    sources: list[Inferred] = []
     for use in USES:
         found = [radius for w in wheels if (radius := getattr(w, use)) is not None]
         values = sorted({radius.value for radius in found})
@@ -256,9 +256,9 @@ def settle_radius(
             uncertain.append(f"the {use} geometry gives the wheels radii of {radii} m")
     axle = float(np.mean([w.joint.centre[2] for w in wheels]))
     if (ground := footprint(tree, axle)) is not None:
-        sources.append(Finding(axle - ground.value, f"height of the axle above {ground.why}"))
+        sources.append(Inferred(axle - ground.value, f"height of the axle above {ground.why}"))
     if (asked := options.wheel_radius) is not None:
-        return Finding(asked, "as asked for"), [
+        return Inferred(asked, "as asked for"), [
             f"--wheel-radius {asked:.4g}: {source.why} says {round(source.value, _DIGITS)} m"
             for source in sources
             if abs(asked - source.value) > _OTHER * source.value
@@ -277,7 +277,7 @@ def settle_radius(
             "the wheels' radius: their links have no geometry that was found; check it or give "
             "--wheel-radius"
         )
-        return Finding(round(axle - lowest.value, _DIGITS), f"axle above {lowest.why}"), uncertain
+        return Inferred(round(axle - lowest.value, _DIGITS), f"axle above {lowest.why}"), uncertain
     taken = sources[0]
     if len(sources) == 3:
         first, second, third = (source.value for source in sources)
@@ -289,11 +289,11 @@ def settle_radius(
             said = round(other.value, _DIGITS)
             why += f"; {other.why} says {said}"
             uncertain.append(f"wheel_radius: {taken.why} says {value} m, {other.why} {said} m")
-    return Finding(value, why), uncertain
+    return Inferred(value, why), uncertain
 
 
 def what_to_name(tree: Tree) -> str:
-    """Why the pair that is nearest to driven wheels is none, and what may be named as wheels."""
+    """Advice where no wheels drive: the nearest pair, its faults, and the joints that may be named."""
     found = [  # they turn without limits, not about the vertical, and carry nothing
         joint
         for joint in tree.movable
@@ -332,7 +332,7 @@ def what_to_name(tree: Tree) -> str:
 
 
 def _faults(tree: Tree, one: Joint, other: Joint) -> tuple[list[str], bool] | None:
-    """Why two joints are no pair of driven wheels, and whether they can be named as one.
+    """Reasons why two joints are no pair of driven wheels, and whether they can be named as one.
 
     None if they are not side by side at all.
     """

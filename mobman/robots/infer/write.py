@@ -16,7 +16,7 @@ from typing import Any
 
 from mobman.errors import SpecError, UsageError
 from mobman.robots.catalogue import own_robots
-from mobman.robots.infer.findings import Finding
+from mobman.robots.infer.findings import Inferred
 from mobman.robots.infer.infer import Inference
 from mobman.robots.spec import NAME, CriterionSource, UrdfSource
 from mobman.robots.urdf.read import urdf_file
@@ -38,7 +38,7 @@ _LICENCES = (
     ),
     (r"\bBSD\b", "BSD"),
 )
-"""What texts say, and the short name of SPDX; the ones that say most first."""
+"""Patterns of licence texts, and the short name of SPDX; the most specific ones first."""
 _IDENTIFIER = r"SPDX-License-Identifier: *([A-Za-z0-9][A-Za-z0-9.+-]*)"
 _GNU = r"(?:GNU )?(?P<kind>Lesser|Library|Affero)? ?General Public License"
 _GNU_SHORT = r"\b(?P<kind>L|A)?GPL"
@@ -159,7 +159,7 @@ def robot_toml(found: Inference, name: str, source: UrdfSource) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _entries(findings: dict[str, Finding]) -> list[str]:
+def _entries(findings: dict[str, Inferred]) -> list[str]:
     return [_entry(key, finding.value, finding.why) for key, finding in findings.items()]
 
 
@@ -262,7 +262,7 @@ def _path_from(path: Path, folder: Path | None) -> str:
 
 
 def licence(path: Path) -> str:
-    """What the URDF's header says, or the nearest package.xml or licence file above it.
+    """The licence by the URDF's header, or the nearest package.xml or licence file above it.
 
     ``not stated`` where nothing says it.
     """

@@ -103,7 +103,7 @@ def _tidy_colour(visual: ET.Element, colours: dict[str, ET.Element]) -> None:
 
 
 def _has_look(material: ET.Element) -> bool:
-    """Whether it has a colour or a texture; a colour that is none is removed."""
+    """True if it has a colour or a texture; a colour that is none is removed."""
     colour, texture = material.find("color"), material.find("texture")
     if colour is not None:
         rgba = numbers(colour.get("rgba", "")) or []

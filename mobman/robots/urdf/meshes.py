@@ -41,7 +41,7 @@ _MOST_MEGABYTES = 500.0
 
 
 @dataclass(frozen=True)
-class Mesh:
+class MeshReference:
     """A mesh that a URDF names.
 
     Attributes:
@@ -59,7 +59,7 @@ class Mesh:
     problem: str
 
 
-def mesh_paths(robot: ET.Element, urdf: UrdfFile) -> list[Mesh]:
+def mesh_paths(robot: ET.Element, urdf: UrdfFile) -> list[MeshReference]:
     """Every mesh of a URDF and where it is, in the file's order; nothing is raised.
 
     Args:
@@ -82,7 +82,7 @@ def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
     """
     finder = MeshFinder(urdf)
     located = list(_located(robot, finder))
-    wrong: dict[str, Mesh] = {}
+    wrong: dict[str, MeshReference] = {}
     for mesh, _ in located:
         if mesh.path is None:
             wrong.setdefault(mesh.filename, mesh)
@@ -102,13 +102,13 @@ def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
         element.set("filename", str(mesh.path))
 
 
-def _located(robot: ET.Element, finder: MeshFinder) -> Iterator[tuple[Mesh, ET.Element]]:
+def _located(robot: ET.Element, finder: MeshFinder) -> Iterator[tuple[MeshReference, ET.Element]]:
     locate = cache(finder.locate)
     for link in robot.findall("link"):
         for use in ("visual", "collision"):
             for element in link.findall(f"{use}/geometry/mesh"):
                 name = element.get("filename", "").strip()
-                yield Mesh(link.get("name", ""), use, name, *locate(name)), element
+                yield MeshReference(link.get("name", ""), use, name, *locate(name)), element
 
 
 class MeshFinder:
@@ -193,7 +193,7 @@ class MeshFinder:
 
 
 def _leads_out(inner: str) -> bool:
-    """Whether a relative path goes up beyond where it starts."""
+    """True if a relative path goes up beyond where it starts."""
     return os.path.normpath(inner).split(os.sep)[0] == os.pardir
 
 
@@ -210,7 +210,7 @@ def _first(candidates: Sequence[Path]) -> Path | None:
 
 
 def _is_there(path: Path, *, folder: bool = False) -> bool:
-    """Whether there is such a file (or folder); a name that no file can have is not there."""
+    """True if there is such a file (or folder); a name that no file can have is not there."""
     try:
         return path.is_dir() if folder else path.is_file()
     except (OSError, ValueError):

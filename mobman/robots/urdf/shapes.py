@@ -73,7 +73,7 @@ class Shape:
 
     @property
     def known(self) -> bool:
-        """Whether it could be read; what else is asked of it takes that."""
+        """True if it could be read; all else that it says takes that."""
         return len(self.points) > 0
 
     @property
@@ -143,7 +143,7 @@ def bounds(shapes: Sequence[Shape]) -> tuple[Array, Array]:
 
 
 def extents(shapes: Sequence[Shape], point: Array, axis: Array, count: int) -> Array:
-    """How far some shapes reach from an axis, in directions all around it (m), shape (count,).
+    """Reach of some shapes from an axis, in directions all around it (m), shape (count,).
 
     Args:
         shapes: In one frame.
@@ -178,7 +178,7 @@ def radius_about(shape: Shape, centre: Array, axis: Array) -> float | None:
 
 
 def extent_about(shapes: Sequence[Shape], centre: Array, axis: Array) -> float | None:
-    """How far shapes reach together from an axis (m), if that is the same all around; else None.
+    """The common reach of shapes from an axis (m), if it is the same all around; else None.
 
     Arguments as for :func:`radius_about`.
     """

@@ -35,7 +35,7 @@ _LOOKED_THROUGH = 5000
 
 @dataclass(frozen=True)
 class Numbers:
-    """What an attribute may hold.
+    """The numbers that an attribute may hold.
 
     Attributes:
         unit: Of each number; empty for a pure number.
@@ -52,7 +52,7 @@ class Numbers:
     required: bool = False
 
     def allow(self, values: Sequence[float] | None) -> bool:
-        """Whether these may be the values."""
+        """True if these may be the values."""
         return (
             values is not None
             and len(values) == self.count
@@ -96,7 +96,7 @@ NUMBERS: dict[str, dict[str, Numbers]] = {
     "sphere": {"radius": _SIZE},
     "mesh": {"scale": Numbers("", count=3)},
 }
-"""By element and attribute."""
+"""Numbers by element and attribute."""
 
 
 def numbers(text: str) -> list[float] | None:
@@ -132,7 +132,7 @@ def listed(names: Iterable[str], most: int = _TOLD) -> str:
 
 
 class Validation:
-    """What is wrong with a URDF, gathered so that all of it is told at once.
+    """Validation of a URDF that gathers all faults, so that they are reported at once.
 
     Args:
         where: What to call the file in messages.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made_urdf import Robot, differential
 
-from mobman.robots.infer.findings import Finding, Undecided
+from mobman.robots.infer.findings import Inferred, Undecided
 from mobman.robots.infer.kinematics import Chain, Tree
 from mobman.robots.infer.write import patterns
 
@@ -345,7 +345,7 @@ def test_chains_agree_with_pinocchio(inferred):
     import pinocchio as pin
 
     found = inferred(following(0.5))
-    joints, held = found.arm.joints, {"outer_joint": Finding(0.21)}
+    joints, held = found.arm.joints, {"outer_joint": Inferred(0.21)}
     chain = Chain(Tree(found.urdf.parse(), found.urdf), joints, "tool0", held)
     model = pin.buildModelFromUrdf(str(found.urdf.path))
     data, q = model.createData(), pin.neutral(model)
