@@ -142,7 +142,7 @@ class Branches:
         telling = not common(FINGER, [joint.name for joint in self.joints])
         found: set[str] = set()
         for joint in self.joints:
-            before = [j for j in tree.chain(joint.parent) if j.name not in self._taken]
+            before = self._before(joint)
             if any(j.name in found for j in before):
                 found.add(joint.name)
             elif len(before) >= _CARRIED:
@@ -158,6 +158,9 @@ class Branches:
                 found.add(joint.name)
         return found
 
+    def _before(self, joint: Joint) -> list[Joint]:
+        return [j for j in self._tree.chain(joint.parent) if j.name not in self._taken]
+
     def _at_the_end(self, joint: Joint) -> bool:
         """True if all behind a joint is no larger than a gripper."""
         longest = max(len(chain) for chain in self._chains(joint))
@@ -165,7 +168,7 @@ class Branches:
 
     def _one_of_several(self, joint: Joint) -> bool:
         """True if several chains start where a joint is, and all are short."""
-        before = [j for j in self._tree.chain(joint.parent) if j.name not in self._taken]
+        before = self._before(joint)
         if len(before) < _ARM:
             return False
         siblings = self._tree.next_joints(before[-1].child)
@@ -294,25 +297,22 @@ class _Score:
                 for joint, half in zip(chain.joints, self._half, strict=True)
             ]
         )
-        some = low + (high - low) * random.random((200, len(low)))
-        values = self._singular_values(some)
-        centres, _, tip = chain.places(some)
+        centres, axes, tip = chain.places(low + (high - low) * random.random((200, len(low))))
+        jacobian = chain.jacobian(centres, axes, tip) * self._scale
+        values = np.linalg.svd(jacobian, compute_uv=False)
         self._size = float(np.max(np.linalg.norm(tip - centres[:, 0], axis=1))) or 1.0
         self._rank = max(int(np.sum(values > _RANK * self._size, axis=1).max()), 1)
 
     def __call__(self, q: Array) -> Array:
-        values = self._singular_values(q)[:, self._rank - 1] / self._size
+        centres, axes, tip = self._chain.places(q)
+        jacobian = self._chain.jacobian(centres, axes, tip) * self._scale / self._size
+        values = np.linalg.svd(jacobian, compute_uv=False)[:, self._rank - 1]
         if self._rank < 3:  # the platform does not move the tip up: what is left must
-            vertical = np.linalg.norm(self._chain.jacobian(q)[:, 2] * self._scale, axis=1)
-            values = values * np.minimum(vertical / self._size, 1.0)
-        centres, _, tip = self._chain.places(q)
+            values = values * np.minimum(np.linalg.norm(jacobian[:, 2], axis=1), 1.0)
         used = np.abs(q - self._middle) / self._half
         margin = np.mean(1.0 - 0.5 * used**4, axis=1)
         small = np.exp(-0.02 * np.mean((q / np.maximum(self._half, 1e-9)) ** 2, axis=1))
         return np.array((values + 1e-6) * margin * small * self._where(centres, tip))
-
-    def _singular_values(self, q: Array) -> Array:
-        return np.array(np.linalg.svd(self._chain.jacobian(q) * self._scale, compute_uv=False))
 
     def _where(self, centres: Array, tip: Array) -> Array:
         """Below 1 for a tip behind, low or in the platform, and for links in the ground."""

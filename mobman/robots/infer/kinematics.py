@@ -305,9 +305,8 @@ class Chain:
                 shift = centre - turn @ joint.centre
         return centres, axes, turn @ self._tip + shift
 
-    def jacobian(self, q: Array) -> Array:
-        """The tip's linear Jacobian for each posture (m/m, m/rad), shape (m, 3, n)."""
-        centres, axes, tip = self.places(q)
+    def jacobian(self, centres: Array, axes: Array, tip: Array) -> Array:
+        """The tip's linear Jacobian for each posture of :meth:`places` (m/m, m/rad), (m, 3, n)."""
         sliding = np.array([joint.prismatic for joint in self.joints])[None, :, None]
         columns = np.where(sliding, axes, np.cross(axes, tip[:, None] - centres))
         result: Array = columns.transpose(0, 2, 1)

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import textwrap
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from glob import escape
@@ -15,11 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from mobman.errors import SpecError, UsageError
+from mobman.input_file import read_input
 from mobman.robots.catalogue import own_robots
 from mobman.robots.infer.findings import Inferred
 from mobman.robots.infer.infer import Inference
 from mobman.robots.spec import NAME, CriterionSource, UrdfSource
-from mobman.robots.urdf.read import urdf_file
+from mobman.robots.urdf.read import parse_xml, urdf_file
 
 _WIDTH = 100
 _GENERIC = r"((robot|model|urdf|main|description)([_.-]|$))+"
@@ -219,15 +219,10 @@ def _candidates(name: str) -> list[str]:
     """Patterns from the words of a name: how it begins, begins and ends, and ends."""
     words = re.split(r"(?<=[_\-./ ])", name)
     tails = [name[match.start() :] for match in re.finditer(r"[_\-./ ]", name)]
-    found = []
-    for i in range(1, len(words)):
-        head = escape("".join(words[:i]))
-        found += [
-            f"{head}*",
-            *(f"{head}*{escape(tail)}" for tail in tails if len(tail) < len(name)),
-        ]
-    found += [f"*{escape(tail)}" for tail in tails]
-    return found
+    heads = ["".join(words[:i]) for i in range(1, len(words))]
+    ends = [("", tail) for tail in tails]
+    both = [(head, tail) for head in heads for tail in ("", *tails) if len(tail) < len(name)]
+    return [f"{escape(head)}*{escape(tail)}" for head, tail in (*both, *ends)]
 
 
 def urdf_source(urdf: Path, folder: Path | None, packages: Sequence[Path] = ()) -> UrdfSource:
@@ -290,16 +285,20 @@ def _header(path: Path) -> list[str]:
 
 def _comments(path: Path) -> list[str]:
     """The comments at the start of a file, each in one line."""
-    with path.open(encoding="utf-8", errors="replace") as file:
-        start = file.read(_HEADER)
-    comments = re.findall(r"<!--(.*?)-->", start, re.DOTALL)
+    comments = re.findall(r"<!--(.*?)-->", _start(path, _HEADER), re.DOTALL)
     return [" ".join(re.sub(r"[=|*#-]{2,}|\|", " ", text).split()) for text in comments]
+
+
+def _start(path: Path, count: int) -> str:
+    with path.open(encoding="utf-8", errors="replace") as file:
+        return file.read(count)
 
 
 def _of_package(path: Path) -> str:
     try:
-        found = ET.parse(path).getroot().find("license")
-    except (ET.ParseError, OSError):
+        content = read_input(path, "package's description", 1.0, "it has a few kB")
+        found = parse_xml(content, str(path))[0].find("license")
+    except SpecError:
         return ""
     said = "" if found is None else " ".join((found.text or "").split())
     if said.lower() in ("", "todo", "unknown"):
@@ -309,10 +308,9 @@ def _of_package(path: Path) -> str:
 
 def _of_text(path: Path) -> str:
     try:
-        text = " ".join(path.read_text(encoding="utf-8", errors="replace")[:6000].split())
+        return _named_in(" ".join(_start(path, 2 * _HEADER).split()))
     except OSError:
         return ""
-    return _named_in(text)
 
 
 def _named_in(text: str) -> str:
