@@ -303,7 +303,9 @@ def _text(content: bytes, where: str) -> str:
         declared = _DECLARED.search(content, 0, 400)
         encoding = declared[1].decode("ascii") if declared else "utf-8"
     try:
-        return content.decode(encoding)
+        text = content.decode(encoding)
+        text.encode()  # some encodings hold what is no character
+        return text
     except LookupError as error:
         raise SpecError(
             f"{where} names the encoding {encoding!r}, which is not known; save it as UTF-8"

@@ -248,6 +248,12 @@ def test_a_decimal_comma_of_the_system_does_not_matter(tmp_path):
 # What cannot be read at all
 
 
+def test_what_is_no_character_is_told(tmp_path):
+    text = URDF.replace("?>", ' encoding="unicode_escape"?>', 1).replace("elbow", "\\ud800")
+    with pytest.raises(SpecError, match="not in the encoding UNICODE_ESCAPE"):
+        read_urdf(written(tmp_path, text))
+
+
 @pytest.mark.parametrize(("kind", "make"), [("a folder", os.mkdir), ("a pipe", os.mkfifo)])
 def test_what_is_no_file_is_not_opened(tmp_path, kind, make):
     make(tmp_path / "a.urdf")
