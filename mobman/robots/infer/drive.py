@@ -120,14 +120,14 @@ def orient(tree: Tree, drive: Drive, wheels: list[Rolling], options: Options, ar
         axle = np.mean([w.joint.centre[:2] for w in driven], axis=0)
         steered = np.mean([joint.centre[:2] for joint in drive.steering], axis=0)
         ahead = driven[0].ahead * np.sign((steered - axle) @ driven[0].ahead)
-        drive.forward = Forward(heading_of(ahead), "the steered wheels are in front")
+        drive.forward = Forward(_heading_of(ahead), "the steered wheels are in front")
     elif driven and all(driven[0].parallel(w) for w in driven):
         others = [w for w in wheels if w not in driven]
         drive.forward, clear = _find_forward(tree, driven, others, arms)
         if not clear:
             drive.uncertain.append(
                 f"which way is forward ({drive.forward.why}); the other way: --heading "
-                f"{heading_of(-drive.forward.direction):.10g}"
+                f"{_heading_of(-drive.forward.direction):.10g}"
             )
     left, ahead = drive.forward.left, drive.forward.direction
 
@@ -198,10 +198,10 @@ def _find_forward(
     why = ", ".join(text for weight, text in reasons if weight * sign > 0.0)
     if against := ", ".join(text for weight, text in reasons if weight * sign < 0.0):
         why += f"; against it: {against}"
-    return Forward(heading_of(sign * ahead), why), abs(vote) >= _CLEAR
+    return Forward(_heading_of(sign * ahead), why), abs(vote) >= _CLEAR
 
 
-def heading_of(direction: Array) -> float:
+def _heading_of(direction: Array) -> float:
     """The angle of a direction (rad), exact where it is along an axis."""
     angle = math.atan2(float(direction[1]), float(direction[0]))
     quarter = round(angle / (0.5 * math.pi)) * 0.5 * math.pi

@@ -97,10 +97,10 @@ class Undecided(UsageError):
 
 def says(pattern: str, *names: str) -> bool:
     """True if one of the names matches the pattern."""
-    return any(re.search(pattern, plain(name)) for name in names)
+    return any(re.search(pattern, _plain(name)) for name in names)
 
 
-def plain(name: str) -> str:
+def _plain(name: str) -> str:
     """A name in lower case with ``_`` between its words."""
     name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     return re.sub(r"[^a-z0-9]+", "_", name.lower())

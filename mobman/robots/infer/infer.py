@@ -65,7 +65,6 @@ class Inference:
         platform: The platform and its wheels.
         fields: The fields of ``[platform]`` in addition to its type.
         arm: The chain to the tip.
-        free: Movable joints that are neither locked nor the platform's.
         locks: What does not move, and why.
         rest: Positions of joints that do not rest at zero (m, rad), and why.
         weights: Of the posture criterion, where they are not the default.
@@ -79,7 +78,6 @@ class Inference:
     platform: Drive
     fields: dict[str, Inferred]
     arm: Arm
-    free: tuple[str, ...]
     locks: tuple[Lock, ...]
     rest: dict[str, Inferred]
     weights: dict[str, Inferred]
@@ -151,11 +149,10 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
             f"the virtual joints {', '.join(j.name for j in virtual)} in front of the base are locked: "
             "the platform takes their place"
         )
-    fixed = {name for lock in locks for name in lock.joints}
-    free = tuple(j.name for j in tree.movable if j.name not in fixed | drive.own)
     uncertain += lost_to_mimics(tree, arm.tip.value, taken)
     around = Surroundings(float(ground.value), drive.forward.direction, _box(tree))
-    rest = _rest(tree, arm, fixed | (set(free) - {joint.name for joint in arm.joints}), around)
+    still = {joint.name for joint in tree.movable if joint not in arm.joints} - drive.own
+    rest = _rest(tree, arm, still, around)
     couplings: list[Coupling] = []
     if drive.steering:
         chain = Chain(tree, arm.joints, arm.tip.value, rest)
@@ -174,7 +171,6 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         platform=drive,
         fields=_fields(drive, radius, ground),
         arm=arm,
-        free=free,
         locks=tuple(locks),
         rest=rest,
         weights=_weights(drive, radius, arm),
