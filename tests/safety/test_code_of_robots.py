@@ -193,22 +193,22 @@ def test_another_robot_that_is_named_for_a_rerun(record, mobman):
 
 
 def test_law_and_task_that_are_named_for_a_rerun(trap, mobman, monkeypatch):
-    (trap.folder / "own.py").write_text(OWN, encoding="utf-8")
+    (trap.folder / "own_law.py").write_text(OWN, encoding="utf-8")
     monkeypatch.syspath_prepend(trap.folder)
-    import own
+    import own_law
 
     youbot = mm.load_robot("youbot")
     path = mm.simulate(
-        youbot, own.Nothing(), own.make_point(youbot, youbot.q_rest), duration=0.02
+        youbot, own_law.Nothing(), own_law.make_point(youbot, youbot.q_rest), duration=0.02
     ).save(trap.folder / "run.h5")
     refused = mobman("rerun", path)
     assert refused.status == 1
     assert "Nothing, which is not registered" in refused.err
-    law = ("--controller", "own.py:Nothing")
+    law = ("--controller", "own_law.py:Nothing")
     assert "its task is an object" in mobman("rerun", path, *law).err
-    done = mobman("rerun", path, *law, "--task", "own.py:make_point", "--verify")
+    done = mobman("rerun", path, *law, "--task", "own_law.py:make_point", "--verify")
     assert done.status == 0, done.err
-    for wrong in ("own.py", "own.py:Missing", "none.py:Nothing"):
+    for wrong in ("own_law.py", "own_law.py:Missing", "none.py:Nothing"):
         failed = mobman("rerun", path, "--controller", wrong)
         assert failed.status == 2
         assert wrong in failed.err
