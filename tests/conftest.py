@@ -14,8 +14,8 @@ os.environ["XDG_DATA_HOME"] = tempfile.mkdtemp(prefix="mobman-tests-")
 
 import mobman as mm
 from mobman.robots.catalogue import find_spec, origin_of
-from mobman.viewer.browser import BrowserError, BrowserMissingError
-from mobman.viewer.browser import browser as running_browser
+from mobman.viewer.pictures import BrowserError, BrowserMissingError
+from mobman.viewer.pictures import browser as running_browser
 
 OWN = [name for name in mm.list_robots() if origin_of(name) == "mobman"]
 PLATFORM = {name: find_spec(name).platform.type for name in OWN}

@@ -6,7 +6,6 @@ import json
 import math
 import threading
 from collections.abc import Mapping
-from dataclasses import replace
 from time import perf_counter, sleep
 from typing import Any
 
@@ -18,8 +17,8 @@ from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.record import Record
 from mobman.tasks.task import make_task
-from mobman.viewer.motion import FRAMES_PER_SECOND, MOST_FRAMES, motion
-from mobman.viewer.scene import Run, Scene, scene_of_runs
+from mobman.viewer.replay import FRAMES_PER_SECOND, MOST_FRAMES, Motion, States, motion
+from mobman.viewer.scene import ShownRun, scene_of_runs, scene_to_come
 
 _BEHIND = 0.1
 """How far a run may fall behind the clock and make up for it (s); what is more is lost."""
@@ -72,8 +71,11 @@ class LiveRun:
         self._samples: list[tuple[float, Array, Array, Array]] = []
         self._asked = threading.Event()
         self._whole: str | None = None
-        self._like = _record(self._robot, controller, task, scenario, seed)
-        self.scene = self._beginning(duration)
+        q, still = self._robot.q_rest, np.zeros(self._robot.nz)
+        rest = self._motion([(t, q, still, still) for t in np.arange(0.0, duration, self.every)])
+        info: dict[str, Any] = {"seed": seed, "status": "ok", "message": "", "problem": None}
+        info |= {"robot": robot.name, "controller": controller, "task": task, "scenario": scenario}
+        self.scene = scene_to_come(self._robot, rest, info, duration)
 
     def observe(self, t: float, q: Array, z: Array, torque: Array) -> None:
         """Take a state; returns when it is time to go on."""
@@ -88,16 +90,10 @@ class LiveRun:
 
     def finish(self, record: Record) -> None:
         """The run has ended: from now on, the page is told all of it."""
-        scene = scene_of_runs([Run(record, record.controller, robot=self._robot)])
-        run = scene.content["runs"][0]
-        self._whole = json.dumps(
-            {
-                "ended": True,
-                "motion": run["motion"],
-                "info": run["info"],
-                "error_decades": scene.content["error_decades"],
-            }
-        )
+        content = scene_of_runs([ShownRun(record, record.controller, robot=self._robot)]).content
+        told = {name: content["runs"][0][name] for name in ("motion", "info")}
+        told |= {"ended": True, "error_decades": content["error_decades"]}
+        self._whole = json.dumps(told)
 
     def wait_for_page(self, seconds: float) -> bool:
         """Wait until a page asks for frames; whether one did in time."""
@@ -108,79 +104,18 @@ class LiveRun:
         self._asked.set()
         if self._whole is not None:
             return self._whole
-        later: list[tuple[float, Array, Array, Array]] = []
-        for sample in reversed(self._samples[:]):
-            if not sample[0] > after:
-                break
-            later.append(sample)
-        if not later:
-            return "{}"
-        t, q, z, torque = (np.array(part) for part in zip(*reversed(later), strict=True))
-        moved = motion(self._so_far(t, q, z, torque), self._robot)
-        return json.dumps({"motion": moved.described()})
+        samples = self._samples[:]
+        count = len(samples)
+        while count and samples[count - 1][0] > after:
+            count -= 1
+        later = samples[count:]
+        return json.dumps({"motion": self._motion(later).described()} if later else {})
 
-    def _beginning(self, duration: float) -> Scene:
-        """The robot at rest, and the path that is before it."""
-        t = np.arange(0.0, duration, self.every)
-        rest = np.tile(self._robot.q_rest, (len(t), 1))
-        still = np.zeros((len(t), self._robot.nz))
-        record = self._so_far(t, rest, still, still)
-        scene = scene_of_runs([Run(record, record.controller, robot=self._robot)])
-        path = scene.content["runs"][0]["motion"]["desired"]
-        first = self._so_far(t[:1], rest[:1], still[:1], still[:1])
-        run = {
-            **scene.content["runs"][0],
-            "motion": {**motion(first, self._robot).described(), "path": path},
-        }
-        content = {**scene.content, "runs": [run], "duration": duration, "live": True}
-        return replace(scene, content=content)
-
-    def _so_far(self, t: Array, q: Array, z: Array, torque: Array) -> Record:
-        """A record of some samples."""
+    def _motion(self, samples: list[tuple[float, Array, Array, Array]]) -> Motion:
+        t, q, z, torque = (np.array(part) for part in zip(*samples, strict=True))
         desired = np.array([self._task.desired(float(instant))[0] for instant in t])
-        m = desired.shape[1]
-        tip = np.array([self._robot.tip_pose(row).translation[:m] for row in q])
-        return replace(
-            self._like,
-            t=t,
-            q=q,
-            z=z,
-            torque=torque,
-            tip_position=tip,
-            tip_desired=desired,
-            task_error=tip - desired,
+        m, robot = desired.shape[1], self._robot
+        tip = np.array([robot.tip_pose(row).translation[:m] for row in q])
+        return motion(
+            States(t, q, z, torque, tip, desired, tip - desired, robot.joint_names), robot
         )
-
-
-def _record(
-    robot: MobileManipulator, controller: str, task: str, scenario: str, seed: int
-) -> Record:
-    """A record without samples, that says what it is of."""
-    none = np.zeros((0, 0))
-    return Record(
-        t=np.zeros(0),
-        q=none,
-        z=none,
-        torque=none,
-        tip_position=none,
-        tip_desired=none,
-        task_error=none,
-        auxiliary_error=none,
-        compute_time=np.zeros(0),
-        signals={},
-        metrics={},
-        status="ok",
-        message="",
-        robot=robot.name,
-        controller=controller,
-        task=task,
-        scenario=scenario,
-        seed=seed,
-        spec={"robot": robot.spec.model_dump(mode="json", by_alias=True)},
-        settings={},
-        versions={},
-        urdf_sha256=robot.urdf.sha256(),
-        created="",
-        joint_names=list(robot.joint_names),
-        velocity_names=list(robot.velocity_names),
-    )

@@ -1,25 +1,118 @@
-"""Reading meshes with their colours, and reducing them to what can be seen."""
+"""Meshes as surfaces to draw: read with their colours, and reduced to what can be seen of them."""
 
 from __future__ import annotations
 
 import base64
 import importlib.util
 import io
-from dataclasses import fields, replace
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from mobman.arrays import Array, Index
 from mobman.robots.urdf.meshes import MeshError, read_isolated, read_triangles
-from mobman.viewer.shapes import Colour, Mesh
+from mobman.viewer.page import packed
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, 0 to 1."""
+MeshKey = tuple[Path, tuple[float, float, float]]
+"""A file and the scale of its three axes; a negative one mirrors it."""
 
 _COLOURED = {".dae", ".obj", ".gltf", ".glb", ".ply"}
 _SAME = 1e-3
 """How far bounds that should agree may differ, of their size."""
 _TEXTURE_PIXELS = 1024
+_MOST_SEEN, _MOST_OTHERS = 2500, 500
+"""Triangles of one mesh: of one that is drawn at once, and of collision geometry."""
+_ALL_TRIANGLES = 50_000
+"""Of all meshes of a robot together; a page stays small, and plays without a graphics card."""
+_FEWEST = 100
+_HOLES = 0.01
+"""Share of a closed surface's edges that may have a triangle on one side only."""
+_CREASE = math.cos(math.radians(38.0))
+"""Two triangles that meet at a larger angle meet at an edge that is seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Triangles, in one colour, in a colour a vertex, or with a picture on them."""
+
+    vertices: Array
+    """m, shape (V, 3)."""
+    faces: Index
+    """Vertices of each triangle, anticlockwise from outside, shape (F, 3)."""
+    colour: Colour | None = None
+    """The mesh's own colour; None if its file says nothing."""
+    vertex_colours: NDArray[np.uint8] | None = None
+    """0 to 255, shape (V, 3)."""
+    uv: Array | None = None
+    """Each vertex's place on the picture, 0 to 1, shape (V, 2)."""
+    texture: str | None = None
+    """The picture, as a data: address."""
+
+    @property
+    def points(self) -> Array:
+        """Points that span it (m), shape (V, 3)."""
+        return self.vertices
+
+    def described(self) -> dict[str, Any]:
+        """The surface for the page, with a vertex more for each further side of a visible edge."""
+        source, faces = self._split_at_edges()
+        content: dict[str, Any] = {
+            "type": "mesh",
+            "vertices": packed(self.vertices[source], "f4"),
+            "faces": packed(faces, "u2" if len(source) < 2**16 else "u4"),
+            "open": self._is_open(),
+        }
+        if self.vertex_colours is not None:
+            content["vertex_colours"] = packed(self.vertex_colours[source], "u1")
+        if self.uv is not None and self.texture is not None:
+            content |= {"uv": packed(self.uv[source], "f4"), "texture": self.texture}
+        return content
+
+    def _split_at_edges(self) -> tuple[Index, Index]:
+        """Vertices to draw, as indices of the present ones, and the triangles with those.
+
+        Corners of triangles are one vertex if the triangles are at one vertex and joined there by
+        edges that are not seen; the page then takes each vertex's mean normal.
+        """
+        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
+        normals = np.cross(b - a, c - a)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        corners = np.arange(self.faces.size).reshape(-1, 3)
+        # each side of each triangle, from its lower to its higher vertex; alike ones are neighbours
+        sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+        ends = self.faces.ravel()[sides]
+        order = np.argsort(ends, axis=1)
+        sides, ends = (np.take_along_axis(values, order, axis=1) for values in (sides, ends))
+        order = np.lexsort(ends.T)
+        sides, ends = sides[order], ends[order]
+        triangle = sides[:, 0] // 3
+        smooth = np.sum(normals[triangle[1:]] * normals[triangle[:-1]], axis=1) >= _CREASE
+        smooth &= np.all(ends[1:] == ends[:-1], axis=1)
+        one, other = sides[1:][smooth].ravel(), sides[:-1][smooth].ravel()
+        links = coo_array((np.ones(len(one)), (one, other)), shape=(corners.size,) * 2)
+        _, vertex = connected_components(links, directed=False)
+        _, first = np.unique(vertex, return_index=True)
+        return self.faces.ravel()[first], vertex.astype(np.int64).reshape(-1, 3)
+
+    def _is_open(self) -> bool:
+        """Whether its inside can be seen: through holes, or because triangles are the wrong way round.
+
+        What is closed is drawn from outside alone, in half the time.
+        """
+        edges = self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
+        there, back = edges @ [len(self.vertices), 1], edges @ [1, len(self.vertices)]
+        alone = float(np.mean(~np.isin(there, back)))
+        a, b, c = (self.vertices[self.faces[:, i]] - self.vertices.mean(axis=0) for i in range(3))
+        return alone > _HOLES or float(np.sum(a * np.cross(b, c))) <= 0.0
 
 
 def can_read_colours() -> bool:
@@ -32,9 +125,36 @@ def can_reduce() -> bool:
     return importlib.util.find_spec("fast_simplification") is not None
 
 
+def read_meshes(
+    wanted: Mapping[MeshKey, bool],
+) -> tuple[dict[MeshKey, list[Surface]], dict[MeshKey, str]]:
+    """Surfaces of meshes, each with the triangles that can be seen of it, all with what a page carries.
+
+    Args:
+        wanted: The meshes, and whether they are drawn at once, in their colours.
+
+    Returns:
+        The surfaces of those that can be read, and the reasons why others cannot.
+    """
+    found, problems = {}, {}
+    for key, seen in wanted.items():
+        try:
+            found[key] = read_mesh(*key, coloured=seen)
+        except MeshError as error:
+            problems[key] = str(error)
+    totals = {key: sum(len(part.faces) for part in parts) for key, parts in found.items()}
+    kept = {k: min(n, _MOST_SEEN if wanted[k] else _MOST_OTHERS) for k, n in totals.items()}
+    share = min(1.0, _ALL_TRIANGLES / max(1, sum(kept.values())))
+    for key, parts in found.items():
+        keep = share * kept[key] / totals[key]
+        counts = [max(_FEWEST, math.ceil(keep * len(part.faces))) for part in parts]
+        found[key] = [reduced(part, count) for part, count in zip(parts, counts, strict=True)]
+    return found, problems
+
+
 def read_mesh(
     path: Path, scale: tuple[float, float, float], *, coloured: bool = True
-) -> list[Mesh]:
+) -> list[Surface]:
     """The parts of a mesh, one for each of its materials.
 
     Pinocchio's reader gives the geometry. Colours come from trimesh, where it is installed and the
@@ -43,110 +163,103 @@ def read_mesh(
 
     Args:
         path: The file.
-        scale: Of its three axes; a negative one mirrors it.
+        scale: Of its three axes.
         coloured: Whether its own colours are wanted.
 
     Raises:
         MeshError: If it cannot be read, or has no triangle.
     """
-    plain = Mesh(*read_triangles(path))
+    plain = Surface(*read_triangles(path))
     _check(plain, path)
     parts = [plain]
     if coloured and path.suffix.lower() in _COLOURED and can_read_colours():
-        parts = [_as_mesh(part) for part in read_isolated(f"{__name__}:coloured_parts", path)]
+        fields = read_isolated(f"{__name__}:coloured_parts", path)
+        parts = [Surface(**{**part, "colour": _colour(part["colour"])}) for part in fields]
         for part in parts:
             _check(part, path)
         parts = _as_placed(parts, plain)
-    parts = [part for part in (_tidied(part) for part in parts) if len(part.faces)]
+    parts = [part for part in map(_tidied, parts) if len(part.faces)]
     if not parts:
         raise MeshError(f"the mesh {path} has no triangles")
-    return [_scaled(part, np.array(scale)) for part in parts]
+    turn = -1 if np.prod(scale) < 0.0 else 1
+    return [replace(p, vertices=p.vertices * scale, faces=p.faces[:, ::turn]) for p in parts]
 
 
-def _as_mesh(part: dict[str, Any]) -> Mesh:
-    colour = part["colour"]
-    return Mesh(**{**part, "colour": None if colour is None else tuple(colour)})
+def _colour(values: list[float] | None) -> Colour | None:
+    return None if values is None else (values[0], values[1], values[2], values[3])
 
 
-def _check(mesh: Mesh, path: Path) -> None:
+def _check(surface: Surface, path: Path) -> None:
     """
     Raises:
         MeshError: If a triangle has a corner that is not there.
     """
-    if len(mesh.faces) and not 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices):
+    faces = surface.faces
+    if len(faces) and not 0 <= faces.min() <= faces.max() < len(surface.vertices):
         raise MeshError(f"the mesh {path} has a triangle with a corner that is not there")
 
 
-def reduced(mesh: Mesh, triangles: int) -> Mesh:
-    """The mesh with at most about so many triangles, in one colour where it had several.
+def reduced(surface: Surface, triangles: int) -> Surface:
+    """The surface with at most about so many triangles, in one colour where it had several.
 
     It is returned as it is where that is enough, or where fast-simplification is not installed.
     """
-    if len(mesh.faces) <= triangles or not can_reduce():
-        return mesh
+    if len(surface.faces) <= triangles or not can_reduce():
+        return surface
     import fast_simplification
 
-    vertices, faces = _merged(mesh.vertices, mesh.faces)
+    vertices, faces = _merged(surface.vertices, surface.faces)
     points, corners = fast_simplification.simplify(
         np.ascontiguousarray(vertices, dtype=np.float32),
         np.ascontiguousarray(faces, dtype=np.int32),
         1.0 - triangles / len(faces),
     )
     if not len(corners):
-        return mesh
+        return surface
     # a picture or many colours do not survive: the average does
-    colour = mesh.colour if mesh.colour is not None else _average(mesh.vertex_colours)
-    return Mesh(np.asarray(points, dtype=float), np.asarray(corners, dtype=np.int64), colour=colour)
+    colour = surface.colour
+    if colour is None and surface.vertex_colours is not None:
+        colour = _average(surface.vertex_colours)
+    return Surface(np.asarray(points, dtype=float), np.asarray(corners, dtype=np.int64), colour)
 
 
 def coloured_parts(path: str) -> list[dict[str, Any]]:
-    """The fields of the parts of a mesh with their colours, read in this process by trimesh; files that
+    """The fields of a mesh's surfaces with their colours, read in this process by trimesh; files that
     the mesh names are read in its own folder only."""
     import trimesh
 
     # vertices are not merged here: those with a place on a picture must stay apart
     scene = trimesh.load_scene(path, process=False)
-    parts = []
-    for node in scene.graph.nodes_geometry:
-        transform, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if isinstance(geometry, trimesh.Trimesh):
-            part = _part(geometry.copy().apply_transform(transform))
-            parts.append({field.name: getattr(part, field.name) for field in fields(part)})
-    return parts
+    placed = [(scene.graph[node][0], scene.graph[node][1]) for node in scene.graph.nodes_geometry]
+    return [
+        asdict(_part(scene.geometry[name].copy().apply_transform(transform)))
+        for transform, name in placed
+        if isinstance(scene.geometry[name], trimesh.Trimesh)
+    ]
 
 
-def _part(geometry: Any) -> Mesh:
-    vertices = np.array(geometry.vertices, dtype=float)
-    faces = np.array(geometry.faces, dtype=np.int64)
+def _part(geometry: Any) -> Surface:
+    part = Surface(np.array(geometry.vertices, float), np.array(geometry.faces, np.int64))
     visual = geometry.visual
     if visual.kind == "texture":
         material = visual.material
+        colour = getattr(material, "main_color", None)
+        if colour is not None:
+            r, g, b, a = (float(value) / 255.0 for value in colour)
+            # a material that cannot be seen is a mistake of units
+            part = replace(part, colour=(r, g, b, a if a > 0.0 else 1.0))
         image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-        if image is not None and visual.uv is not None and len(visual.uv) == len(vertices):
-            return Mesh(
-                vertices, faces, _colour_of(material), uv=np.array(visual.uv), texture=_data(image)
-            )
-        return Mesh(vertices, faces, _colour_of(material))
-    if visual.kind in ("vertex", "face") and visual.defined:
+        if image is not None and visual.uv is not None and len(visual.uv) == len(part.vertices):
+            part = replace(part, uv=np.array(visual.uv), texture=_data(image))
+    elif visual.kind in ("vertex", "face") and visual.defined:
         colours = np.array(visual.vertex_colors)[:, :3]
         if len(np.unique(colours, axis=0)) == 1:
-            return Mesh(vertices, faces, _average(colours))
-        return Mesh(vertices, faces, vertex_colours=colours)
-    return Mesh(vertices, faces)
+            return replace(part, colour=_average(colours))
+        return replace(part, vertex_colours=colours)
+    return part
 
 
-def _colour_of(material: Any) -> Colour | None:
-    found = getattr(material, "main_color", None)
-    if found is None:
-        return None
-    r, g, b, a = (float(value) / 255.0 for value in found)
-    return (r, g, b, a if a > 0.0 else 1.0)  # a material that cannot be seen is a mistake of units
-
-
-def _average(colours: NDArray[Any] | None) -> Colour | None:
-    if colours is None:
-        return None
+def _average(colours: NDArray[Any]) -> Colour:
     r, g, b = (float(value) / 255.0 for value in np.mean(colours, axis=0))
     return (r, g, b, 1.0)
 
@@ -160,38 +273,34 @@ def _data(image: Any) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
-def _as_placed(parts: list[Mesh], plain: Mesh) -> list[Mesh]:
-    """Parts turned and scaled to the bounds of a plain mesh; that mesh if they do not fit."""
+def _as_placed(parts: list[Surface], plain: Surface) -> list[Surface]:
+    """Parts turned and scaled to the bounds of a plain surface; that surface if they do not fit."""
     if not parts:
         return [plain]
-    target = plain.bounds()
-    size = float(np.linalg.norm(target[1] - target[0]))
+    low, size = plain.vertices.min(axis=0), np.ptp(plain.vertices, axis=0)
+    diagonal = float(np.linalg.norm(size))
     everything = np.vstack([part.vertices for part in parts])
     length = float(np.linalg.norm(np.ptp(everything, axis=0)))
-    scale = size / length if length > 0.0 else 1.0
-    for turn in (np.eye(3), _Y_UP, _Y_UP.T):
-        for factor in (1.0, scale):
+    y_up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    for turn in (np.eye(3), y_up, y_up.T):
+        for factor in (1.0, diagonal / length if length > 0.0 else 1.0):
             vertices = factor * everything @ turn.T
-            bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])
-            if np.all(np.abs(bounds - target) <= _SAME * size):
+            wrong = [vertices.min(axis=0) - low, np.ptp(vertices, axis=0) - size]
+            if np.all(np.abs(wrong) <= _SAME * diagonal):
                 return [replace(p, vertices=factor * p.vertices @ turn.T) for p in parts]
     return [plain]
 
 
-_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-
-
-def _tidied(mesh: Mesh) -> Mesh:
-    """Without triangles that have no area or no place; vertices merged where nothing is on them."""
-    finite = np.all(np.isfinite(mesh.vertices), axis=1)
-    faces = mesh.faces[np.all(finite[mesh.faces], axis=1)]
-    vertices = np.where(finite[:, None], mesh.vertices, 0.0)
-    if mesh.uv is None and mesh.vertex_colours is None:
+def _tidied(surface: Surface) -> Surface:
+    """A surface without triangles that have no area or no place; vertices merged where nothing is on
+    them."""
+    finite = np.all(np.isfinite(surface.vertices), axis=1)
+    faces = surface.faces[np.all(finite[surface.faces], axis=1)]
+    vertices = np.where(finite[:, None], surface.vertices, 0.0)
+    if surface.uv is None and surface.vertex_colours is None:
         vertices, faces = _merged(vertices, faces)
-    distinct = (
-        (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    )
-    return replace(mesh, vertices=vertices, faces=faces[distinct])
+    distinct = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
+    return replace(surface, vertices=vertices, faces=faces[distinct])
 
 
 def _merged(vertices: Array, faces: Index) -> tuple[Array, Index]:
@@ -203,8 +312,3 @@ def _merged(vertices: Array, faces: Index) -> tuple[Array, Index]:
     keys = np.ascontiguousarray(points).view("V12").ravel()  # rows as bytes sort fast
     _, first, place = np.unique(keys, return_index=True, return_inverse=True)
     return vertices[used][first], place[corners].reshape(-1, 3)
-
-
-def _scaled(mesh: Mesh, scale: Array) -> Mesh:
-    faces = mesh.faces[:, ::-1] if np.prod(scale) < 0.0 else mesh.faces
-    return replace(mesh, vertices=mesh.vertices * scale, faces=faces)

@@ -1,32 +1,45 @@
-"""Pictures and film of a scene."""
+"""Pictures and films of a scene, taken by a browser without a window."""
 
 from __future__ import annotations
 
 import io
 import math
+import os
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mobman.errors import MobmanError, UsageError
-from mobman.viewer.browser import in_browser
-from mobman.viewer.document import document
-from mobman.viewer.files import write_whole
+from mobman.viewer.page import document, write_whole
 from mobman.viewer.scene import Scene
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-
-FILM = (".gif", ".mp4")
-PICTURE = ".png"
-SIZE = (1280, 720)
+VARIABLE = "MOBMAN_BROWSER"
+"""Environment variable that may name the browser's program."""
+_PROGRAMS = (
+    *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
+    *("msedge", "microsoft-edge"),
+)
+# WebGL by the processor, so that a picture is the same with and without a graphics card
+_FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+_PATIENCE = 120_000.0  # ms
+_SIZE = (1280, 720)
 _LARGEST = 8192
 _MOST_FRAMES = 20_000
 _GIF_STEP = 0.01  # s: its clock
 
-Progress = Callable[[float], None]
+
+class BrowserError(MobmanError):
+    """There is no browser that could take a picture, or it failed."""
+
+
+class BrowserMissingError(BrowserError):
+    """Neither Chromium nor Chrome is installed, or the package that drives it is not."""
 
 
 def save_picture(
@@ -36,7 +49,7 @@ def save_picture(
     time: float | None = None,
     size: tuple[int, int] | None = None,
 ) -> None:
-    """A picture as a PNG file: whole, or not at all.
+    """Write a picture as a PNG file: whole, or not at all.
 
     Args:
         scene: What to show.
@@ -49,12 +62,10 @@ def save_picture(
         BrowserError: If there is no browser.
         MobmanError: If the file cannot be written.
     """
-    at = _instant(scene, time)
-
-    def shoot(page: Page) -> bytes:
-        return _frame(page, at)
-
-    picture = in_browser(document(scene), _checked_size(size), shoot)
+    if time is not None and not (math.isfinite(time) and time >= 0.0):
+        raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
+    at = scene.duration if time is None else min(time, scene.duration)
+    picture = _in_browser(scene, _checked_size(size), lambda page: _frame(page, at))
     write_whole(path, lambda file: file.write_bytes(picture))
 
 
@@ -65,9 +76,9 @@ def save_film(
     fps: float | None = None,
     size: tuple[int, int] | None = None,
     speed: float = 1.0,
-    progress: Progress = lambda _: None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> None:
-    """A film of the runs from beginning to end, as GIF or MP4 by the file's name.
+    """Write a film of the runs from beginning to end, as GIF or MP4 by the file's name.
 
     Args:
         scene: What to show.
@@ -82,12 +93,10 @@ def save_film(
         BrowserError: If there is no browser.
         MobmanError: If the file cannot be written, or the film encoder is missing.
     """
-    kind = path.suffix.lower()
-    if kind not in FILM:
-        raise UsageError(f"{path}: a film is a file {' or '.join(FILM)}")
+    gif = path.suffix.lower() == ".gif"
     if scene.duration <= 0.0:
         raise UsageError(f"{path}: there is no run, and a robot alone does not move; make a .png")
-    rate = fps if fps is not None else (20.0 if kind == ".gif" else 30.0)
+    rate = fps if fps is not None else (20.0 if gif else 30.0)
     for name, value in (("fps", rate), ("speed", speed)):
         if not (math.isfinite(value) and value > 0.0):
             raise UsageError(f"{name} = {value!r}: must be a number above 0")
@@ -99,73 +108,55 @@ def save_film(
         )
     width, height = _checked_size(size)
     even = (width + width % 2, height + height % 2)  # the encoder's blocks
-    encode = _write_gif if kind == ".gif" else _write_mp4
-    if kind == ".mp4":
+    if not gif:
         _encoder()  # before the work, not after it
-    times = np.minimum(np.arange(count) * speed / rate, scene.duration)
 
-    def shoot(page: Page) -> None:
-        def frames() -> Iterator[bytes]:
-            for i, time in enumerate(times):
-                yield _frame(page, float(time))
+    def shoot(page: Any) -> None:
+        def frames() -> Iterator[Any]:
+            from PIL import Image
+
+            for i in range(count):
+                picture = _frame(page, min(i * speed / rate, scene.duration))
+                with Image.open(io.BytesIO(picture)) as image:
+                    yield image.convert("RGB")
                 progress((i + 1) / count)
 
-        write_whole(path, lambda file: encode(file, frames(), rate, even))
+        if gif:
+            write_whole(path, lambda file: _write_gif(file, frames(), rate))
+        else:
+            write_whole(path, lambda file: _write_mp4(file, frames(), rate, even))
 
-    in_browser(document(scene), even, shoot)
+    _in_browser(scene, even, shoot)
 
 
-def _frame(page: Page, time: float) -> bytes:
+def _frame(page: Any, time: float) -> bytes:
     page.evaluate("time => window.mobman.setTime(time)", time)
-    return page.screenshot(type="png")
-
-
-def _instant(scene: Scene, time: float | None) -> float:
-    if time is None:
-        return scene.duration
-    if not (math.isfinite(time) and time >= 0.0):
-        raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
-    return min(time, scene.duration)
+    picture: bytes = page.screenshot(type="png")
+    return picture
 
 
 def _checked_size(size: tuple[int, int] | None) -> tuple[int, int]:
-    width, height = SIZE if size is None else size
+    width, height = _SIZE if size is None else size
     if not (16 <= width <= _LARGEST and 16 <= height <= _LARGEST):
         raise UsageError(f"size = {width}x{height}: allowed: 16x16 to {_LARGEST}x{_LARGEST}")
     return width, height
 
 
-def _write_gif(path: Path, frames: Iterator[bytes], rate: float, size: tuple[int, int]) -> None:
-    from PIL import Image
-
-    def reduced(frame: bytes) -> Image.Image:
-        with Image.open(io.BytesIO(frame)) as image:
-            return image.convert("RGB").quantize(128, dither=Image.Dither.NONE)
-
-    first = reduced(next(frames))
+def _write_gif(path: Path, frames: Iterator[Any], rate: float) -> None:
+    reduced = (frame.quantize(128, dither=0) for frame in frames)
     pause = max(2.0 * _GIF_STEP, round(1.0 / rate / _GIF_STEP) * _GIF_STEP)  # viewers refuse less
-    first.save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=(reduced(frame) for frame in frames),
-        duration=round(1000.0 * pause),
-        loop=0,
-        optimize=True,
-    )
+    options = {"duration": round(1000.0 * pause), "loop": 0, "optimize": True}
+    next(reduced).save(path, format="GIF", save_all=True, append_images=reduced, **options)
 
 
-def _write_mp4(path: Path, frames: Iterator[bytes], rate: float, size: tuple[int, int]) -> None:
-    from PIL import Image
-
+def _write_mp4(path: Path, frames: Iterator[Any], rate: float, size: tuple[int, int]) -> None:
     writer = _encoder().write_frames(
         str(path), size, fps=rate, codec="libx264", quality=8, macro_block_size=2
     )
     writer.send(None)
     try:
         for frame in frames:
-            with Image.open(io.BytesIO(frame)) as image:
-                writer.send(np.asarray(image.convert("RGB")).tobytes())
+            writer.send(np.asarray(frame).tobytes())
     finally:
         writer.close()
 
@@ -179,3 +170,76 @@ def _encoder() -> Any:
             "or make a .gif"
         ) from error
     return imageio_ffmpeg
+
+
+def _in_browser(scene: Scene, size: tuple[int, int], act: Callable[[Any], Any]) -> Any:
+    """Open the page of a scene, without its controls, and do something with it; returns its result.
+
+    Raises:
+        BrowserError: If playwright or a browser is missing, or the page does not open.
+    """
+
+    def run() -> Any:
+        with browser() as running, tempfile.TemporaryDirectory(prefix="mobman-") as folder:
+            from playwright.sync_api import Error
+
+            file = Path(folder) / "page.html"
+            file.write_text(document(scene.title, scene.content), encoding="utf-8")
+            try:
+                page = running.new_page(viewport={"width": size[0], "height": size[1]})
+                page.set_default_timeout(_PATIENCE)
+                page.goto(file.as_uri())
+                page.evaluate("window.mobman.ready")
+                page.evaluate("window.mobman.picture()")
+                return act(page)
+            except Error as error:
+                raise BrowserError(f"the browser failed: {str(error).splitlines()[0]}") from error
+
+    # a thread of its own: playwright's plain interface refuses to run where an event loop does, as in
+    # a notebook
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(run).result()
+
+
+@contextmanager
+def browser() -> Iterator[Any]:
+    """A browser without a window, of playwright; it is closed at the end.
+
+    Raises:
+        BrowserMissingError: If playwright or a browser is missing.
+        BrowserError: If the browser does not start, or ``MOBMAN_BROWSER`` names no program.
+    """
+    try:
+        from playwright.sync_api import Error, sync_playwright
+    except ImportError as error:
+        raise BrowserMissingError(
+            "pictures and film need the package playwright; install it with: "
+            "pip install 'mobman[film]'"
+        ) from error
+    program = _program()
+    with sync_playwright() as playwright:
+        try:
+            running = playwright.chromium.launch(executable_path=program, args=list(_FLAGS))
+        except Error as error:
+            reason = str(error).splitlines()[0]
+            if program is None and "Executable doesn't exist" in reason:
+                raise BrowserMissingError(
+                    "pictures and film need Chromium or Chrome, and there is none; install one, or "
+                    f"name its program in the environment variable {VARIABLE}"
+                ) from error
+            name = program or "that playwright has installed"
+            raise BrowserError(f"the browser {name} does not start: {reason}") from error
+        try:
+            yield running
+        finally:
+            running.close()
+
+
+def _program() -> str | None:
+    """The browser's program; None for the one that playwright may have downloaded."""
+    named = os.environ.get(VARIABLE)
+    if not named:
+        return next((found for name in _PROGRAMS if (found := shutil.which(name))), None)
+    if (found := shutil.which(named)) is None:
+        raise BrowserError(f"{VARIABLE} = {named!r}: there is no such program")
+    return found

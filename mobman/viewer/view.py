@@ -10,7 +10,6 @@ import warnings
 import webbrowser
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from mobman.errors import UsageError
@@ -20,16 +19,13 @@ from mobman.model.platforms.types.custom import without_code
 from mobman.robots.catalogue import list_robots
 from mobman.robots.spec import RobotSpec
 from mobman.simulation.record import Record, load_record
-from mobman.viewer.document import document
-from mobman.viewer.files import write_whole
-from mobman.viewer.pictures import FILM, PICTURE, save_film, save_picture
-from mobman.viewer.scene import Layout, Run, Scene, scene_of_robot, scene_of_runs
-from mobman.viewer.server import LOOPBACK, PageServer
+from mobman.viewer.page import LOOPBACK, PageServer, document, write_whole
+from mobman.viewer.pictures import save_film, save_picture
+from mobman.viewer.scene import Layout, Scene, ShownRun, scene_of_robot, scene_of_runs
 
 Viewable = Record | MobileManipulator | RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
 """A run or its file, or a robot in any form that :func:`mobman.load_robot` takes."""
 
-_RECORDS = (".h5", ".hdf5", ".hdf")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEIGHT = 620  # pixels, in a notebook
 
@@ -53,16 +49,14 @@ class View:
         frames: Callable[[float], str] | None = None,
     ) -> None:
         self.scene = scene
-        self._frames = frames
-        self._host = host
-        self._port = port
+        self._serving = (host, port, frames)
         self._server: PageServer | None = None
         self._file: Path | None = None
         self._closed = False
 
     @property
     def url(self) -> str:
-        """Where a browser finds it: the file that it was written to, or this process's server.
+        """The address for a browser: of the file that it was written to, or this process's server.
 
         Raises:
             UsageError: If the view is closed, or the port is taken.
@@ -72,12 +66,12 @@ class View:
         if self._closed:
             raise UsageError("this view is closed; make a new one")
         if self._server is None:
-            self._server = PageServer(self.html(), self._host, self._port, self._frames)
+            self._server = PageServer(self.html(), *self._serving)
         return self._server.url
 
     def html(self) -> str:
         """The page, whole: it opens without a network."""
-        return document(self.scene)
+        return document(self.scene.title, self.scene.content)
 
     def save(self, path: str | os.PathLike[str], **options: Any) -> Path:
         """Write it to a file: whole, or not at all.
@@ -96,25 +90,23 @@ class View:
         """
         file = Path(path)
         kind = file.suffix.lower()
-        savers: dict[str, Callable[..., None]] = {
-            PICTURE: save_picture,
-            **dict.fromkeys(FILM, save_film),
-        }
-        if kind in (".html", ".htm"):
-            if options:
-                raise UsageError(f"{file}: a page has no option {', '.join(options)}")
-            write_whole(file, lambda place: place.write_text(self.html(), encoding="utf-8"))
-        elif kind in savers:
-            try:
-                savers[kind](self.scene, file, **options)
-            except TypeError as error:
-                raise UsageError(f"{file}: {error}") from error
-        else:
-            raise UsageError(f"{file}: allowed: a file .html, .png, .gif or .mp4")
+        try:
+            if kind in (".html", ".htm"):
+                if options:
+                    raise UsageError(f"{file}: a page has no option {', '.join(options)}")
+                write_whole(file, lambda place: place.write_text(self.html(), encoding="utf-8"))
+            elif kind == ".png":
+                save_picture(self.scene, file, **options)
+            elif kind in (".gif", ".mp4"):
+                save_film(self.scene, file, **options)
+            else:
+                raise UsageError(f"{file}: allowed: a file .html, .png, .gif or .mp4")
+        except TypeError as error:  # an option that the kind does not have
+            raise UsageError(f"{file}: {error}") from error
         return file
 
     def open(self) -> bool:
-        """Open it in the user's browser; whether there was one to open."""
+        """Open it in the user's browser; return whether there was one to open."""
         if not _has_screen():
             return False
         try:
@@ -132,12 +124,7 @@ class View:
     def __enter__(self) -> View:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:
@@ -198,7 +185,7 @@ def view(
 def make_scene(
     what: Viewable | Iterable[Viewable], *, layout: Layout = "overlay", time: float | None = None
 ) -> Scene:
-    """What :func:`view` shows, as plain data.
+    """The scene that :func:`view` shows, as plain data.
 
     Raises:
         MobmanError: As :func:`view` does.
@@ -216,26 +203,24 @@ def make_scene(
     if len(robots) > 1:
         raise UsageError("one robot at a time can be shown; several runs can")
     if robots:
-        if isinstance(robots[0], MobileManipulator):
-            return scene_of_robot(robots[0])
         return scene_of_robot(_robot(robots[0]))
     return scene_of_runs(runs, layout=layout, time=time)
 
 
 def _robot(what: Any) -> MobileManipulator:
     """A robot by name or description; of a file, whose origin is unknown, no code is run."""
+    if isinstance(what, MobileManipulator):
+        return what
     named = isinstance(what, (RobotSpec, Mapping)) or os.fspath(what) in list_robots()
     with contextlib.nullcontext() if named else without_code():
         return load_robot(what)
 
 
 def _is_run(thing: Any) -> bool:
-    if isinstance(thing, Record):
-        return True
     if not isinstance(thing, (str, os.PathLike)):
-        return False
+        return isinstance(thing, Record)
     path = Path(thing)
-    if path.suffix.lower() in _RECORDS:
+    if path.suffix.lower() in (".h5", ".hdf5", ".hdf"):
         return True
     try:
         with path.open("rb") as file:
@@ -244,11 +229,11 @@ def _is_run(thing: Any) -> bool:
         return False
 
 
-def _run(thing: Any) -> Run:
+def _run(thing: Any) -> ShownRun:
     if isinstance(thing, Record):
-        return Run(thing, thing.controller)
+        return ShownRun(thing, thing.controller)
     path = Path(thing)
-    return Run(load_record(path), path.stem, path.resolve().parent)
+    return ShownRun(load_record(path), path.stem, path.resolve().parent)
 
 
 def _in_notebook() -> bool:

@@ -15,8 +15,8 @@ import mobman as mm
 from mobman.isolation import Crash, helper
 from mobman.robots.urdf.meshes import MeshError, read_triangles
 from mobman.viewer import meshes
-from mobman.viewer.body_parts import body
-from mobman.viewer.shapes import Mesh
+from mobman.viewer.meshes import Surface
+from mobman.viewer.robot import robot_parts
 
 PLY = """ply
 format ascii 1.0
@@ -119,7 +119,7 @@ def test_mesh_that_ends_its_reader_is_named_and_left_out(trap, mobman):
 
 
 def test_triangle_with_a_corner_that_is_not_there(tmp_path):
-    mesh = Mesh(np.zeros((3, 3)), np.array([[0, 1, 7]]))
+    mesh = Surface(np.zeros((3, 3)), np.array([[0, 1, 7]]))
     with pytest.raises(MeshError, match=r"x\.obj has a triangle with a corner that is not there"):
         meshes._check(mesh, tmp_path / "x.obj")
 
@@ -198,6 +198,6 @@ def test_reader_is_stopped_in_time_and_memory():
 
 def test_body_is_drawn_without_the_mesh(trap):
     _deadly(trap.folder)
-    found = body(mm.load_robot(_with_mesh(trap.folder, "deadly.ply")))
-    assert len(found.warnings) == 1
-    assert {part.role for part in found.parts} >= {"visual"}
+    parts, warnings = robot_parts(mm.load_robot(_with_mesh(trap.folder, "deadly.ply")))
+    assert len(warnings) == 1
+    assert {part.role for part in parts} >= {"visual"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mobman as mm
-from mobman.viewer.labels import labels
+from mobman.viewer.scene import labels
 from mobman.viewer.view import make_scene
 from tests.support.poses import largest_difference
 

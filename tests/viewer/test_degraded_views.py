@@ -11,9 +11,9 @@ import pytest
 
 import mobman as mm
 from mobman.viewer import meshes
-from mobman.viewer.body_parts import body
-from mobman.viewer.run_robot import robot_of_run
-from mobman.viewer.shapes import Cylinder, Mesh
+from mobman.viewer.meshes import Surface
+from mobman.viewer.replay import robot_of_run
+from mobman.viewer.robot import cylinder, robot_parts
 from mobman.viewer.view import make_scene
 from tests.support.poses import largest_difference
 from tests.support.variants import youbot_urdf, youbot_with_urdf
@@ -40,7 +40,7 @@ def test_missing_mesh_is_told_and_the_rest_is_drawn(tmp_path, opened):
         view = mm.view(robot, html=file)
     with opened(view.url) as page:
         assert largest_difference(page, robot, robot.q_rest) <= 1e-6
-        assert len(page.evaluate("mobman.objects()")) == len(body(robot).parts)
+        assert len(page.evaluate("mobman.objects()")) == len(robot_parts(robot)[0])
 
 
 def test_link_of_a_missing_mesh_shows_its_collision_geometry(tmp_path):
@@ -52,22 +52,23 @@ def test_link_of_a_missing_mesh_shows_its_collision_geometry(tmp_path):
 
     robot = _robot(tmp_path, change)
     joint = robot.model.frames[robot.model.getFrameId("arm_1")].parentJoint
-    drawn = [part for part in body(robot).parts if part.joint == joint and part.role == "visual"]
-    assert [part.shape for part in drawn] == [Cylinder(0.07, 0.2)]
+    parts, _ = robot_parts(robot)
+    drawn = [part for part in parts if part.joint == joint and part.role == "visual"]
+    assert [part.shape for part in drawn] == [cylinder(0.07, 0.2)]
 
 
 def test_robot_without_any_shape_is_a_skeleton_with_wheels(tmp_path):
-    found = body(_robot(tmp_path, _without_looks))
     robot = _robot(tmp_path, _without_looks)
-    assert found.warnings == ()
-    carried = {part.joint for part in found.parts if part.role == "visual"}
+    parts, warnings = robot_parts(robot)
+    assert warnings == []
+    carried = {part.joint for part in parts if part.role == "visual"}
     moving = set(range(1, robot.model.njoints))
     assert carried == moving - {robot.model.getJointId(name) for name in ("base_x", "base_y")}
     wheels = {robot.model.getJointId(wheel.joint): wheel.radius for wheel in robot.platform.wheels}
-    for part in found.parts:
+    for part in parts:
         if part.joint in wheels and part.role == "visual":
-            assert part.shape.radius == wheels[part.joint]
-    marked = [part.joint for part in found.parts if part.role == "mark"]
+            assert part.shape.size[0] == 2.0 * wheels[part.joint]
+    marked = [part.joint for part in parts if part.role == "mark"]
     assert sorted(set(marked)) == sorted(wheels)
 
 
@@ -80,7 +81,7 @@ def test_broken_mesh_is_told(tmp_path, content):
             text, "arm_1", MESH.replace("package://nowhere/", "").format("broken.stl")
         ),
     )
-    (warning,) = body(robot).warnings
+    _, (warning,) = robot_parts(robot)
     assert "broken.stl" in warning
 
 
@@ -122,24 +123,23 @@ def test_robot_that_is_not_registered_is_built_from_the_record(runs, tmp_path):
 
 def test_meshes_are_read_without_the_libraries_of_the_extra(monkeypatch):
     robot = mm.load_robot("tiago_no_hand")
-    full = body(robot)
+    full, _ = robot_parts(robot)
     monkeypatch.setitem(sys.modules, "fast_simplification", None)
     monkeypatch.setattr(meshes, "can_reduce", lambda: False)
-    monkeypatch.setattr("mobman.viewer.body_parts.can_reduce", lambda: False)
     monkeypatch.setattr(meshes, "can_read_colours", lambda: False)
-    plain = body(robot)
-    assert plain.warnings == ()
+    plain, warnings = robot_parts(robot)
+    assert warnings == []
 
-    def triangles(found):
-        return sum(len(part.shape.faces) for part in found.parts if isinstance(part.shape, Mesh))
+    def triangles(parts):
+        return sum(len(part.shape.faces) for part in parts if isinstance(part.shape, Surface))
 
-    assert len(plain.parts) == len(full.parts)
+    assert len(plain) == len(full)
     assert triangles(full) < 0.6 * triangles(plain)
 
 
 def test_reduced_meshes_keep_their_size():
-    for part in body(mm.load_robot("tiago_no_hand")).parts:
-        if isinstance(part.shape, Mesh):
+    for part in robot_parts(mm.load_robot("tiago_no_hand"))[0]:
+        if isinstance(part.shape, Surface):
             assert np.all(np.isfinite(part.shape.vertices))
     angle = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
     ring = np.array([[np.cos(a), np.sin(a), h] for h in np.linspace(0, 1, 20) for a in angle])
@@ -150,7 +150,8 @@ def test_reduced_meshes_keep_their_size():
         for a, b in [(200 * h + i, 200 * h + (i + 1) % 200)]
         for corner in ([a, b, a + 200], [b, b + 200, a + 200])
     ]
-    small = meshes.reduced(Mesh(ring, np.array(faces), colour=(1.0, 0.0, 0.0, 1.0)), 500)
+    small = meshes.reduced(Surface(ring, np.array(faces), colour=(1.0, 0.0, 0.0, 1.0)), 500)
     assert 300 <= len(small.faces) <= 520
-    assert small.bounds() == pytest.approx(np.array([[-1, -1, 0], [1, 1, 1]]), abs=0.02)
+    bounds = np.array([small.vertices.min(axis=0), small.vertices.max(axis=0)])
+    assert bounds == pytest.approx(np.array([[-1, -1, 0], [1, 1, 1]]), abs=0.02)
     assert small.colour == (1.0, 0.0, 0.0, 1.0)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 from mobman.errors import UsageError
-from mobman.viewer.server import PageServer
+from mobman.viewer.page import PageServer
 
 FOREIGN = ["elsewhere.example", "192.0.2.1", "localhost.elsewhere.example", "", "0.0.0.0", "[::2]"]
 

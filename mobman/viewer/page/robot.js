@@ -1,3 +1,106 @@
+// Arrays that Python packed as base64.
+const KINDS = { f8: Float64Array, f4: Float32Array, u1: Uint8Array, u2: Uint16Array, u4: Uint32Array };
+
+function unpack(packed) {
+  if (!packed) return null;
+  const text = atob(packed.data);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  const values = new KINDS[packed.kind](bytes.buffer);
+  values.columns = packed.shape.length > 1 ? packed.shape[1] : 1;
+  values.rows = packed.shape[0];
+  return values;
+}
+
+// Placements are written row by row; three.js takes them as arguments in that order.
+function matrixOf(rows) {
+  return new THREE.Matrix4().set(...rows);
+}
+
+// A rigid placement as rows of numbers, for whoever asks from outside.
+function rowsOf(matrix) {
+  const e = matrix.elements;
+  return [0, 1, 2, 3].map((row) => [0, 1, 2, 3].map((column) => e[4 * column + row]));
+}
+// From descriptions of shapes to geometries and materials of three.js.
+
+function geometryOf(shape) {
+  switch (shape.type) {
+    case "box":
+      return new THREE.BoxGeometry(...shape.size);
+    case "sphere":
+      return new THREE.SphereGeometry(shape.size[0] / 2, 40, 24);
+    case "cylinder": // three's is along y, a URDF's along z
+      return new THREE.CylinderGeometry(shape.size[0] / 2, shape.size[0] / 2, shape.size[2], 48).rotateX(Math.PI / 2);
+    case "mesh":
+      return meshGeometry(shape);
+    default:
+      throw new Error(`unknown shape ${shape.type}`);
+  }
+}
+
+// Vertices are apart where an edge is to be seen, so that a vertex has the mean normal of its triangles.
+function meshGeometry(shape) {
+  const geometry = new THREE.BufferGeometry();
+  const add = (name, values, size, normalized) =>
+    values && geometry.setAttribute(name, new THREE.BufferAttribute(unpack(values), size, normalized));
+  geometry.setIndex(new THREE.BufferAttribute(unpack(shape.faces), 1));
+  add("position", shape.vertices, 3);
+  add("uv", shape.uv, 2);
+  add("color", shape.vertex_colours, 3, true);
+  geometry.computeVertexNormals();
+  return geometry;
+}
+
+const textures = new Map();
+const waited = [];
+
+// Pictures are decoded when they are loaded; the page is ready when all of them are.
+function textureOf(address) {
+  if (!textures.has(address)) {
+    const texture = new THREE.Texture();
+    const image = new Image();
+    waited.push(
+      new Promise((resolve) => {
+        image.onload = () => {
+          texture.image = image;
+          texture.needsUpdate = true;
+          resolve();
+        };
+        image.onerror = resolve;
+      })
+    );
+    image.src = address;
+    texture.encoding = THREE.sRGBEncoding;
+    textures.set(address, texture);
+  }
+  return textures.get(address);
+}
+
+function colourOf(values) {
+  const colour = Array.isArray(values) ? new THREE.Color(values[0], values[1], values[2]) : new THREE.Color(values);
+  return colour.convertSRGBToLinear();
+}
+
+// Colours of shapes may be tinted with a run's, so that its robot is known by it.
+function materialOf(shape, colour, tint) {
+  const options = { shininess: 24, specular: 0x1c1c1c, side: shape.open ? THREE.DoubleSide : THREE.FrontSide };
+  const base = colourOf(colour);
+  if (tint) {
+    const light = 0.35 + 0.65 * Math.max(base.r, base.g, base.b); // dark and light parts stay so
+    base.lerp(colourOf(tint).multiplyScalar(light), 0.78);
+  }
+  options.color = base.multiplyScalar(0.94); // so that white is not blinding
+  if (shape.texture && !tint) {
+    options.map = textureOf(shape.texture);
+    options.color = new THREE.Color(1, 1, 1);
+  } else if (shape.vertex_colours && !tint) {
+    options.vertexColors = true;
+    options.color = new THREE.Color(1, 1, 1);
+  }
+  if (colour[3] < 1) Object.assign(options, { transparent: true, opacity: colour[3] });
+  return new THREE.MeshPhongMaterial(options);
+}
 // A robot: groups, one for each joint, nested as the joints are; what they carry hangs on them.
 class Robot {
   constructor(description, geometries, tint) {

@@ -1,0 +1,347 @@
+"""A robot for the page: the tree of its joints, the shapes that they carry, and their ranges.
+
+Shapes are those of its URDFs, or plain ones where it has none.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from mobman.arrays import Array
+from mobman.model.assembly import Assembly
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.robots.urdf.meshes import mesh_paths
+from mobman.robots.urdf.shapes import placement, scalar, vector
+from mobman.robots.urdf.validate import shape_of
+from mobman.viewer.meshes import Colour, MeshKey, Surface, read_meshes
+from mobman.viewer.page import rows
+
+Role = Literal["visual", "collision", "mark"]
+
+_GREY: Colour = (0.72, 0.74, 0.77, 1.0)
+_DARK: Colour = (0.30, 0.33, 0.37, 1.0)
+_LIGHT_MARK: Colour = (0.95, 0.95, 0.96, 1.0)
+_DARK_MARK: Colour = (0.12, 0.12, 0.14, 1.0)
+_SPOKES = 3
+_PROUD = 0.01
+"""How far a spoke stands out of the wheel, of the radius."""
+_ALIGNED = 1e-3
+_ROD = 0.035
+"""Radius of a skeleton's rods, of the robot's extent."""
+_UNBOUNDED = 1e3
+"""Limits beyond this are none (m, rad)."""
+_REACH = 3.0
+"""How far a slider moves what has no limits to either side (m)."""
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """A box, a sphere, or a cylinder along z, about its origin."""
+
+    type: Literal["box", "sphere", "cylinder"]
+    size: tuple[float, float, float]
+    """Along x, y and z (m)."""
+
+    @property
+    def points(self) -> Array:
+        """Corners of the box around it (m), shape (8, 3)."""
+        return 0.5 * np.array(self.size) * list(product((-1.0, 1.0), repeat=3))
+
+    def described(self) -> dict[str, Any]:
+        """The shape for the page."""
+        return {"type": self.type, "size": list(self.size)}
+
+
+def cylinder(radius: float, length: float) -> Primitive:
+    """A cylinder along z."""
+    return Primitive("cylinder", (2.0 * radius, 2.0 * radius, length))
+
+
+def sphere(radius: float) -> Primitive:
+    """A ball."""
+    return Primitive("sphere", (2.0 * radius, 2.0 * radius, 2.0 * radius))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A shape on a robot."""
+
+    name: str
+    joint: int
+    """The joint that carries it, as Pinocchio counts them."""
+    role: Role
+    placement: pin.SE3
+    """In the joint's frame."""
+    shape: Primitive | Surface
+    colour: Colour
+
+
+def robot_scene(
+    robot: MobileManipulator, shapes: list[Primitive | Surface]
+) -> tuple[dict[str, Any], list[str]]:
+    """A robot for the page, and what could not be drawn as it should be.
+
+    Placements are matrices of shape (4, 4), row by row, in the frame of the joint named with them;
+    joint 0 is the world.
+
+    Args:
+        robot: The robot.
+        shapes: Those of the scene, each once; the robot's are added.
+    """
+    parts, warnings = robot_parts(robot)
+    model = robot.model
+    for part in parts:
+        if part.shape not in shapes:
+            shapes.append(part.shape)
+    content = {
+        "name": robot.name,
+        "joints": [_joint(robot, i) for i in range(1, model.njoints)],
+        "parts": [
+            {
+                "name": part.name,
+                "joint": int(part.joint),
+                "role": part.role,
+                "placement": rows(part.placement.homogeneous),
+                "shape": shapes.index(part.shape),
+                "colour": list(part.colour),
+            }
+            for part in parts
+        ],
+        "frames": [_frame(frame) for frame in model.frames if frame.type == pin.FrameType.BODY],
+        "masses": [
+            {"joint": i, "mass": float(inertia.mass), "centre": rows(inertia.lever)}
+            for i, inertia in enumerate(model.inertias)
+            if i and inertia.mass > 0.0
+        ],
+        "tip": _frame(model.frames[robot.tip_frame]),
+        "wheels": [wheel._asdict() for wheel in robot.platform.wheels],
+        "rest": rows(robot.q_rest),
+    }
+    return content, warnings
+
+
+def _frame(frame: pin.Frame) -> dict[str, Any]:
+    place = rows(frame.placement.homogeneous)
+    return {"name": frame.name, "joint": int(frame.parentJoint), "placement": place}
+
+
+def _joint(robot: MobileManipulator, index: int) -> dict[str, Any]:
+    model = robot.model
+    name, q = str(model.names[index]), int(model.joints[index].idx_q)
+    axis, turns = _axis(model, index)
+    # a slider's range: the limits, or a span about rest where there are none
+    rest, lower, upper = (float(v[q]) for v in (robot.q_rest, *robot.limits[:2]))
+    span = math.pi if name == "base_theta" else 2.0 * math.pi if turns else _REACH
+    return {
+        "name": name,
+        "parent": int(model.parents[index]),
+        "placement": rows(model.jointPlacements[index].homogeneous),
+        "axis": rows(axis),
+        "turns": turns,
+        "q": q,
+        "lower": lower if abs(lower) < _UNBOUNDED else rest - span,
+        "upper": upper if abs(upper) < _UNBOUNDED else rest + span,
+    }
+
+
+def _axis(model: pin.Model, index: int) -> tuple[Array, bool]:
+    """A joint's axis in its own frame, a unit vector of shape (3,), and whether it turns about it."""
+    column = np.array(model.createData().joints[index].S).reshape(6)
+    turns = bool(np.any(column[3:]))
+    return (column[3:] if turns else column[:3]), turns
+
+
+def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
+    """The shapes that a robot is drawn with, and what could not be drawn as it should be.
+
+    A mesh that is missing or broken costs its shape and a warning. A joint that then carries nothing
+    that can be seen is drawn by its collision geometry; if it has none either, by a skeleton of rods
+    from joint to joint. Wheels whose turning would not show are marked.
+    """
+    problems: dict[str, str] = {}
+    parts = list(_urdf_parts(robot, problems))
+    model = robot.model
+    bare = set(range(1, model.njoints)) - {part.joint for part in parts if part.role == "visual"}
+    bare -= {model.getJointId(name) for name in BASE_JOINTS[:2] if model.existJointName(name)}
+    stand_ins = [
+        replace(part, role="visual", name=f"{part.name}_shown")
+        for part in parts
+        if part.joint in bare and part.role == "collision"
+    ]
+    bare -= {part.joint for part in stand_ins}
+    parts += [*stand_ins, *_wheels(robot, bare)]
+    bare -= {part.joint for part in parts if part.role == "visual"}
+    parts += _skeleton(robot, bare) if bare else ()
+    parts += list(_marks(robot, parts))
+    if not problems:
+        return parts, []
+    first = "; ".join(f"{name} {why}" for name, why in list(problems.items())[:2])
+    more = f"; and {len(problems) - 2} more" if len(problems) > 2 else ""
+    return parts, [
+        f"robot {robot.name!r}: {len(problems)} meshes are not drawn, but collision geometry or plain "
+        f"shapes instead: {first}{more}"
+    ]
+
+
+class _Look(NamedTuple):
+    """A ``<visual>`` or ``<collision>`` element."""
+
+    link: str
+    element: ET.Element
+    shape: ET.Element
+    """The element of its shape."""
+    mesh: MeshKey | None
+    """The mesh, if it is one that is there."""
+
+
+def _urdf_parts(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[Part]:
+    """The shapes that a robot's URDFs give its links; why some are missing goes to ``problems``, by the
+    mesh's name."""
+    looks = list(_looks(robot, problems))
+    names = {look.mesh: look.shape.get("filename", "").strip() for look in looks if look.mesh}
+    seen = {look.mesh for look in looks if look.element.tag == "visual"}
+    surfaces, unread = read_meshes({key: key in seen for key in names})
+    problems |= {repr(names[key]): f"({why})" for key, why in unread.items()}
+    model = robot.model
+    count = 0
+    for look in looks:
+        frame = model.frames[model.getFrameId(look.link, pin.FrameType.BODY)]
+        place = frame.placement * pin.SE3(*placement(look.element))
+        own = look.element.find("material/color")
+        for shape in surfaces.get(look.mesh, []) if look.mesh else _primitive(look.shape):
+            colour = shape.colour if isinstance(shape, Surface) else None
+            if own is not None:
+                r, g, b, a = map(float, own.get("rgba", "").split())
+                colour = (r, g, b, a)
+            role: Role = "visual" if look.element.tag == "visual" else "collision"
+            name = f"{look.link}_{role}_{count}"
+            yield Part(name, frame.parentJoint, role, place, shape, colour or _GREY)
+            count += 1
+
+
+def _looks(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[_Look]:
+    spec = robot.spec
+    prefixes = [*([] if spec.urdf is None else [""]), *(mount.prefix for mount in spec.mount)]
+    meshes = {
+        (prefix + mesh.link, mesh.filename): mesh
+        for prefix, file in zip(prefixes, robot.urdf.files, strict=True)
+        for mesh in mesh_paths(file.parse(), file)
+    }
+    for link in Assembly(spec, robot.urdf).robot.iter("link"):
+        name = str(link.get("name"))
+        for element in [*link.findall("visual"), *link.findall("collision")]:
+            shape = shape_of(element)
+            if shape is None:
+                continue
+            key = None
+            if shape.tag == "mesh":
+                filename = shape.get("filename", "").strip()
+                mesh = meshes.get((name, filename))
+                if mesh is None or mesh.path is None:
+                    problems[repr(filename)] = "is not there" if mesh is None else mesh.problem
+                else:
+                    x, y, z = vector(shape, "scale", (1.0, 1.0, 1.0)).tolist()
+                    key = (mesh.path, (x, y, z))
+            yield _Look(name, element, shape, key)
+
+
+def _primitive(element: ET.Element) -> list[Primitive]:
+    """The shape of an element; none for a mesh."""
+    if element.tag == "box":
+        x, y, z = vector(element, "size").tolist()
+        return [Primitive("box", (x, y, z))]
+    if element.tag == "cylinder":
+        return [cylinder(scalar(element, "radius"), scalar(element, "length"))]
+    return [sphere(scalar(element, "radius"))] if element.tag == "sphere" else []
+
+
+def _wheels(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
+    """Cylinders for wheels that have no shape."""
+    for wheel in robot.platform.wheels:
+        index = robot.model.getJointId(wheel.joint)
+        if index in bare:
+            place = _along(_axis(robot.model, index)[0])
+            shape = cylinder(wheel.radius, 0.5 * wheel.radius)
+            yield Part(f"{wheel.joint}_wheel", index, "visual", place, shape, _DARK)
+
+
+def _skeleton(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
+    """A ball at each bare joint and rods to the joints that it carries, and to the tip."""
+    model = robot.model
+    radius = _ROD * _extent(robot)
+    tip = model.frames[robot.tip_frame]
+    for i in sorted(bare):
+        carried = [model.jointPlacements[j].translation for j in model.children[i]]
+        if tip.parentJoint == i:
+            carried.append(tip.placement.translation)
+        ball = sphere(1.2 * radius)
+        yield Part(f"{model.names[i]}_ball", i, "visual", pin.SE3.Identity(), ball, _DARK)
+        for n, end in enumerate(carried):
+            length = float(np.linalg.norm(end))
+            if length > radius:
+                rod, place = cylinder(radius, length), _along(end / length, 0.5 * end)
+                yield Part(f"{model.names[i]}_rod_{n}", i, "visual", place, rod, _GREY)
+
+
+def _extent(robot: MobileManipulator) -> float:
+    """Largest distance of joints and tip at rest (m)."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.q_rest)
+    points = [
+        np.array(placed.translation)
+        for name, placed in zip(robot.model.names, data.oMi, strict=True)
+        if name not in ("universe", *BASE_JOINTS[:2])
+    ]
+    points.append(robot.tip_pose(robot.q_rest).translation)
+    return max(float(np.linalg.norm(a - b)) for a in points for b in points) or 1.0
+
+
+def _marks(robot: MobileManipulator, parts: list[Part]) -> Iterator[Part]:
+    """Spokes on wheels that look the same from every side, so that they can be seen to turn."""
+    for wheel in robot.platform.wheels:
+        index = robot.model.getJointId(wheel.joint)
+        axis, _ = _axis(robot.model, index)
+        shown = [part for part in parts if part.joint == index and part.role == "visual"]
+        if not shown or not all(_is_round(axis, part) for part in shown):
+            continue
+        along = np.concatenate(
+            [
+                (part.shape.points @ part.placement.rotation.T + part.placement.translation) @ axis
+                for part in shown
+            ]
+        )
+        dark = np.mean([part.colour[:3] for part in shown]) < 0.5
+        hub = _along(axis, 0.5 * (along.min() + along.max()) * axis)
+        # right through the wheel: it shows on both faces
+        r = wheel.radius
+        box = Primitive("box", (0.8 * r, 0.12 * r, float(np.ptp(along)) + 2.0 * _PROUD * r))
+        for i in range(_SPOKES):
+            turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.0 * math.pi * i / _SPOKES), np.zeros(3))
+            out = pin.SE3(np.eye(3), np.array([0.45 * r, 0.0, 0.0]))
+            colour = _LIGHT_MARK if dark else _DARK_MARK
+            yield Part(f"{wheel.joint}_mark_{i}", index, "mark", hub * turn * out, box, colour)
+
+
+def _is_round(axis: Array, part: Part) -> bool:
+    """Whether a part looks the same when it turns about the axis, or may do so."""
+    if isinstance(part.shape, Surface):
+        return True  # most wheels' meshes are round, in one colour
+    centre = part.placement.translation
+    centred = bool(np.linalg.norm(centre - (centre @ axis) * axis) <= _ALIGNED)
+    along = abs(float(part.placement.rotation[:, 2] @ axis)) >= 1.0 - _ALIGNED
+    return centred and (part.shape.type == "sphere" or (part.shape.type == "cylinder" and along))
+
+
+def _along(axis: Array, centre: Array | None = None) -> pin.SE3:
+    """A placement whose z axis is ``axis``."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.asarray(axis, dtype=float))
+    return pin.SE3(turn.toRotationMatrix(), np.zeros(3) if centre is None else np.array(centre))
