@@ -1,1 +1,1 @@
-"""Looking at robots and runs: in the browser, as one page that opens offline, as pictures and film."""
+"""Robots and runs shown in the browser, as one page that opens offline, as pictures and films."""

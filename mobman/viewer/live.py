@@ -1,4 +1,4 @@
-"""A run while it goes: what its page is told."""
+"""A run while it goes, and the news for its page."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mobman.viewer.replay import FRAMES_PER_SECOND, MOST_FRAMES, Motion, States,
 from mobman.viewer.scene import ShownRun, scene_of_runs, scene_to_come
 
 _BEHIND = 0.1
-"""How far a run may fall behind the clock and make up for it (s); what is more is lost."""
+"""Delay behind the clock that a run makes up for (s); a longer one is kept."""
 
 
 class LiveRun:
@@ -45,7 +45,7 @@ class LiveRun:
 
     Attributes:
         scene: The page's, as the run begins.
-        every: How often the run is to be looked at (s of simulated time).
+        every: Simulated time from one look at the run to the next (s).
     """
 
     def __init__(
@@ -96,11 +96,11 @@ class LiveRun:
         self._whole = json.dumps(told)
 
     def wait_for_page(self, seconds: float) -> bool:
-        """Wait until a page asks for frames; whether one did in time."""
+        """Wait until a page asks for frames; return whether one did in time."""
         return self._asked.wait(seconds)
 
     def frames(self, after: float) -> str:
-        """What a page is to be told that has the frames up to a time (s), as JSON."""
+        """The news for a page that has the frames up to a time (s), as JSON."""
         self._asked.set()
         if self._whole is not None:
             return self._whole

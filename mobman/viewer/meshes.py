@@ -27,12 +27,12 @@ MeshKey = tuple[Path, tuple[float, float, float]]
 
 _COLOURED = {".dae", ".obj", ".gltf", ".glb", ".ply"}
 _SAME = 1e-3
-"""How far bounds that should agree may differ, of their size."""
+"""Difference of bounds that should agree, of their size."""
 _TEXTURE_PIXELS = 1024
 _MOST_SEEN, _MOST_OTHERS = 2500, 500
 """Triangles of one mesh: of one that is drawn at once, and of collision geometry."""
 _ALL_TRIANGLES = 50_000
-"""Of all meshes of a robot together; a page stays small, and plays without a graphics card."""
+"""Triangles of all meshes of a robot together; a page stays small, and plays without a graphics card."""
 _FEWEST = 100
 _HOLES = 0.01
 """Share of a closed surface's edges that may have a triangle on one side only."""
@@ -104,7 +104,7 @@ class Surface:
         return self.faces.ravel()[first], vertex.astype(np.int64).reshape(-1, 3)
 
     def _is_open(self) -> bool:
-        """Whether its inside can be seen: through holes, or because triangles are the wrong way round.
+        """Tell whether its inside can be seen, through holes or through triangles the wrong way round.
 
         What is closed is drawn from outside alone, in half the time.
         """
@@ -116,12 +116,12 @@ class Surface:
 
 
 def can_read_colours() -> bool:
-    """Whether the library is installed that reads the meshes' own colours and pictures."""
+    """Tell whether the library is installed that reads the meshes' own colours and pictures."""
     return importlib.util.find_spec("trimesh") is not None
 
 
 def can_reduce() -> bool:
-    """Whether the library is installed that reduces meshes."""
+    """Tell whether the library is installed that reduces meshes."""
     return importlib.util.find_spec("fast_simplification") is not None
 
 

@@ -179,9 +179,9 @@ class PageServer:
 
         async def listen() -> None:
             server.add_sockets(self._sockets)
-            self._ready.set()
 
         self._loop.run_until_complete(listen())
+        self._ready.set()  # not before: a stop would be lost between two runs of the loop
         try:
             self._loop.run_forever()
         finally:

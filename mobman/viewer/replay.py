@@ -22,10 +22,10 @@ from mobman.simulation.record import Record
 from mobman.viewer.page import packed
 
 FRAMES_PER_SECOND = 60.0
-"""Of most displays."""
+"""Rate of most displays (Hz)."""
 MOST_FRAMES = 12_000
-"""Of all runs of a page together; longer ones get fewer a second. The page goes from frame to frame
-along cubics with the run's own rates, so that few frames do not show."""
+"""Frames of all runs of a page together; longer runs get fewer a second. The page goes from frame to
+frame along cubics with the run's own rates, so that few frames do not show."""
 _FEWEST = 600
 
 
@@ -45,7 +45,7 @@ class Motion(NamedTuple):
     q: Array | None = None
     """Configuration, shape (N, nq); None without a robot."""
     q_dot: Array | None = None
-    """Its rate, shape (N, nq)."""
+    """Rate of the configuration, shape (N, nq)."""
     effort: Array | None = None
     """B' v: the generalised force on each coordinate (N m, N), shape (N, nq)."""
 

@@ -33,14 +33,14 @@ _LIGHT_MARK: Colour = (0.95, 0.95, 0.96, 1.0)
 _DARK_MARK: Colour = (0.12, 0.12, 0.14, 1.0)
 _SPOKES = 3
 _PROUD = 0.01
-"""How far a spoke stands out of the wheel, of the radius."""
+"""Height of a spoke over the wheel's face, of the radius."""
 _ALIGNED = 1e-3
 _ROD = 0.035
 """Radius of a skeleton's rods, of the robot's extent."""
 _UNBOUNDED = 1e3
 """Limits beyond this are none (m, rad)."""
 _REACH = 3.0
-"""How far a slider moves what has no limits to either side (m)."""
+"""Range of a slider to either side, for what has no limits (m)."""
 
 
 @dataclass(frozen=True)
@@ -332,7 +332,7 @@ def _marks(robot: MobileManipulator, parts: list[Part]) -> Iterator[Part]:
 
 
 def _is_round(axis: Array, part: Part) -> bool:
-    """Whether a part looks the same when it turns about the axis, or may do so."""
+    """Tell whether a part looks the same when it turns about the axis, or may do so."""
     if isinstance(part.shape, Surface):
         return True  # most wheels' meshes are round, in one colour
     centre = part.placement.translation

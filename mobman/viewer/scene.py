@@ -1,4 +1,4 @@
-"""What a page shows, as plain data: robots, runs and their layout, independent of how it gets there."""
+"""Scenes as plain data: robots, runs and their layout, independent of the page that shows them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from mobman.viewer.robot import Primitive, robot_scene
 Layout = Literal["overlay", "side-by-side"]
 LAYOUTS: tuple[Layout, Layout] = ("overlay", "side-by-side")
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c564b")
-"""Of runs; the first are told apart with any colour vision (Okabe and Ito)."""
+"""Colours of runs; the first are told apart with any colour vision (Okabe and Ito)."""
 _DECADES = 8
 _FAR = 3.0
 """The distance at which a run that flies away leaves the picture, in sizes of its desired path."""
@@ -39,7 +39,7 @@ class Scene:
     title: str
     content: dict[str, Any]
     warnings: tuple[str, ...] = ()
-    """What is drawn otherwise than it should be, for people."""
+    """Messages about what is drawn otherwise than it should be."""
 
     @property
     def duration(self) -> float:

@@ -31,7 +31,7 @@ _HEIGHT = 620  # pixels, in a notebook
 
 
 class View:
-    """What is shown: by an address, in a notebook, or in a file.
+    """A scene to look at: by an address, in a notebook, or in a file.
 
     The server is started when its address is first asked for. It lives in this process and ends with
     it, or with :meth:`close`; a view is a context manager that closes itself.
@@ -90,19 +90,22 @@ class View:
         """
         file = Path(path)
         kind = file.suffix.lower()
-        try:
-            if kind in (".html", ".htm"):
-                if options:
-                    raise UsageError(f"{file}: a page has no option {', '.join(options)}")
-                write_whole(file, lambda place: place.write_text(self.html(), encoding="utf-8"))
-            elif kind == ".png":
-                save_picture(self.scene, file, **options)
-            elif kind in (".gif", ".mp4"):
-                save_film(self.scene, file, **options)
-            else:
-                raise UsageError(f"{file}: allowed: a file .html, .png, .gif or .mp4")
-        except TypeError as error:  # an option that the kind does not have
-            raise UsageError(f"{file}: {error}") from error
+        savers: dict[str, Callable[..., None]] = {
+            ".png": save_picture,
+            ".gif": save_film,
+            ".mp4": save_film,
+        }
+        if kind in (".html", ".htm"):
+            if options:
+                raise UsageError(f"{file}: a page has no option {', '.join(options)}")
+            write_whole(file, lambda place: place.write_text(self.html(), encoding="utf-8"))
+        elif kind in savers:
+            try:
+                savers[kind](self.scene, file, **options)
+            except TypeError as error:  # an option that the kind does not have
+                raise UsageError(f"{file}: {error}") from error
+        else:
+            raise UsageError(f"{file}: allowed: a file .html, .png, .gif or .mp4")
         return file
 
     def open(self) -> bool:
@@ -148,7 +151,7 @@ def view(
     layout: Layout = "overlay",
     time: float | None = None,
 ) -> View:
-    """Look at a robot, a run, or several runs beside each other.
+    """Look at a robot, a run, or several runs together.
 
     Args:
         what: A robot (an object, a name, a TOML file or a description), a run (a record or its HDF5
@@ -237,14 +240,14 @@ def _run(thing: Any) -> ShownRun:
 
 
 def _in_notebook() -> bool:
-    """Whether this is a kernel of Jupyter, which shows what has ``_repr_html_``."""
+    """Tell whether this is a kernel of Jupyter, which shows what has ``_repr_html_``."""
     shell = sys.modules.get("IPython")
     running = None if shell is None else shell.get_ipython()
     return running is not None and "IPKernelApp" in getattr(running, "config", {})
 
 
 def _has_screen() -> bool:
-    """Whether a browser could open a window; without one a text browser would take the terminal."""
+    """Tell whether a browser can open a window; else a text browser would take the terminal."""
     if sys.platform in ("win32", "darwin") or os.environ.get("BROWSER"):
         return True
     return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

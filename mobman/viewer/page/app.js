@@ -1,61 +1,44 @@
+// The page: stage, runs, clock and controls; following a run while it goes; and window.mobman.
 const GHOST = 0.62;
 const LAG = 0.1; // s, of a run that is followed
-const SNAPSHOTS = 6; // of the robot along its way, for the camera to have in view
+const PAUSE = 60; // ms between two questions for its frames
 
-// The page: stage, runs, clock and controls.
 class App {
   constructor(scene) {
-    this.scene = scene;
-    this.time = 0;
-    this.speed = 1;
-    this.playing = false;
-    this.live = scene.live === true;
+    Object.assign(this, { scene, time: 0, speed: 1, playing: false, live: scene.live === true });
     this.stage = new Stage(byId("pane"), scene.bounds);
     const compared = scene.runs.length > 1;
     this.options = { byError: !compared, efforts: false };
-    const paths = [];
-    this.runs = scene.runs.map((description) => {
-      const key = description.motion ? description.motion.desired.data : "";
-      const style = {
-        compared,
-        width: 0.0036 * this.stage.radius,
-      };
-      const run = new Run(description, scene, style);
-      run.pathIsShownElsewhere = paths.includes(key);
-      paths.push(key);
-      this.stage.root.add(run.group);
-      return run;
-    });
+    this.runs = scene.runs.map((description) => new Run(description, scene, 0.0036 * this.stage.radius, compared));
+    this.stage.root.add(...this.runs.map((run) => run.group));
     this.overlay = new Overlay(scene, this.runs);
-    this.setLayout(scene.layout);
+    this.layout = scene.layout;
     this.panel = new Panel(this);
+    this.setLayout(scene.layout);
     this.setTime(scene.start);
-    this.look();
     window.addEventListener("resize", () => this.changed());
-    this.last = null;
-    requestAnimationFrame((now) => this.step(now));
+    requestAnimationFrame((now) => this.step(now, 0));
   }
 
-  step(now) {
-    const passed = this.last === null ? 0 : (now - this.last) / 1000;
-    this.last = now;
+  // now: ms; passed: s since the last step
+  step(now, passed) {
     if (this.live) {
       // smoothly, though frames come a few at a time
-      const late = this.runs[0].motion.end - this.time;
-      if (late > 0) this.setTime(late < 1e-3 ? this.runs[0].motion.end : this.time + late * (1 - Math.exp(-passed / LAG)));
+      const { end } = this.runs[0].motion;
+      const late = end - this.time;
+      if (late > 0) this.setTime(late < 1e-3 ? end : this.time + late * (1 - Math.exp(-passed / LAG)));
     } else if (this.playing) {
       const time = this.time + passed * this.speed;
       if (time >= this.scene.duration) this.pause();
       this.setTime(time);
     }
     if (this.stage.viewer.needs_render) this.render();
-    requestAnimationFrame((then) => this.step(then));
+    requestAnimationFrame((then) => this.step(then, (then - now) / 1000));
   }
 
   render() {
-    const pane = byId("pane");
-    this.stage.render();
-    this.overlay.placeLabels(this.stage, { width: pane.clientWidth, height: pane.clientHeight });
+    this.stage.viewer.render();
+    this.overlay.placeLabels(this.stage);
   }
 
   changed() {
@@ -88,75 +71,49 @@ class App {
   }
 
   show(layer, visible) {
-    if (layer === "ground") {
-      for (const object of this.stage.root.children) if (["grid", "world axes"].includes(object.name)) object.visible = visible;
-    } else {
-      for (const run of this.runs) run.show(layer, visible);
-      if (layer === "efforts") this.options.efforts = visible;
-    }
-    const input = this.panel.switches.get(layer);
-    if (input) input.checked = visible;
+    if (layer === "ground") for (const object of this.stage.ground) object.visible = visible;
+    else for (const run of this.runs) run.show(layer, visible);
+    if (layer === "efforts") this.options.efforts = visible;
+    if (this.panel.switches[layer]) this.panel.switches[layer].checked = visible;
     this.changed();
   }
 
   colourTrails(byError) {
     this.options.byError = byError;
-    for (const run of this.runs) run.colourTrailByError(byError);
+    for (const run of this.runs) {
+      run.byError = byError;
+      run.update();
+    }
     this.changed();
   }
 
   setLayout(layout) {
     this.layout = layout;
     const beside = layout === "side-by-side";
+    const paths = new Set();
     for (const run of this.runs) {
-      const [x, y] = beside ? run.description.offset : [0, 0];
-      run.group.position.set(x, y, 0);
+      run.group.position.set(...(beside ? run.description.offset : [0, 0]), 0);
       run.group.updateMatrixWorld(true);
       if (run.robot && this.runs.length > 1) run.robot.setOpacity(beside ? 1 : GHOST);
+      if (!run.motion) continue;
       // runs of one task have one path
-      if (run.path) run.path.visible = beside || !run.pathIsShownElsewhere;
-      if (run.target) run.target.visible = beside || !run.pathIsShownElsewhere;
+      const path = run.description.motion.desired.data;
+      run.path.visible = run.target.visible = beside || !paths.has(path);
+      paths.add(path);
     }
-    if (this.panel) {
-      this.look();
-      this.changed();
-    }
+    this.look();
   }
 
   rest(run) {
-    run.robot.setConfiguration(Float64Array.from(run.robot.description.rest));
+    run.robot.setConfiguration(run.robot.description.rest);
     this.changed();
   }
 
   look(direction) {
     const beside = this.layout === "side-by-side";
-    const points = [];
-    const box = this.stage.box;
-    for (const run of this.runs) {
-      const { x, y } = run.group.position;
-      const add = (px, py, pz) => points.push(new THREE.Vector3(px + x, py + y, pz));
-      if (run.motion) {
-        for (const track of [run.motion.path, run.motion.tip, run.motion.platform])
-          for (let i = 0; i < track.length; i += 3)
-            if (i % 30 === 0 && inside(box, track[i], track[i + 1])) add(track[i], track[i + 1], track[i + 2]);
-        if (run.robot) {
-          const now = Float64Array.from(run.robot.q);
-          for (let i = 0; i <= SNAPSHOTS; i++) {
-            const frame = Math.round((i / SNAPSHOTS) * (run.motion.frames - 1));
-            if (!inside(box, run.motion.platform[3 * frame], run.motion.platform[3 * frame + 1])) continue;
-            run.robot.setConfiguration(run.motion.configuration({ frame, share: 0 }, new Float64Array(now.length)));
-            run.corners(add);
-          }
-          run.robot.setConfiguration(now);
-        }
-      } else {
-        run.corners(add);
-        const tip = new THREE.Vector3().setFromMatrixPosition(run.pose("tip"));
-        add(tip.x, tip.y, tip.z);
-      }
-    }
+    const { box } = this.stage;
+    const points = this.runs.flatMap((run) => run.outline(box).map((point) => point.add(run.group.position)));
     if (!points.length) points.push(box.min.clone(), box.max.clone());
-    this.stage.viewer.set_3d_pane_size();
     this.stage.look(points, direction || (beside ? [0.1, -1, 0.55] : [0.55, -1, 0.55]), this.free());
     this.changed();
   }
@@ -164,8 +121,9 @@ class App {
   // What the panels leave of the picture, -1 to 1.
   free() {
     const { innerWidth: width, innerHeight: height } = window;
-    const picture = document.body.classList.contains("picture");
-    const panel = !picture && !document.body.classList.contains("closed") && width > 900;
+    const { classList } = document.body;
+    const picture = classList.contains("picture");
+    const panel = !picture && !classList.contains("closed") && width > 900;
     const clock = !picture && !byId("clock").hidden;
     const alone = !this.runs[0].motion; // a robot needs more room about it than a path
     return {
@@ -175,74 +133,72 @@ class App {
       bottom: (alone ? -0.78 : -0.9) + (clock ? (2 * 64) / height : 0),
     };
   }
-}
 
-function inside(box, x, y) {
-  const slack = 1e-6;
-  return x >= box.min.x - slack && x <= box.max.x + slack && y >= box.min.y - slack && y <= box.max.y + slack;
-}
-// Following a run while it goes: its frames are asked for from the server that the page came from.
-const PAUSE = 60; // ms between two questions
-
-async function follow(app) {
-  while (app.live) {
-    let news = null;
-    try {
-      const answer = await fetch(`frames?after=${app.runs[0].motion.end}`, { cache: "no-store" });
-      if (answer.ok) news = await answer.json();
-    } catch (error) {
-      // the process is gone; what it sent remains
+  // Follow a run while it goes: its frames are asked for from the server that the page came from.
+  async follow() {
+    while (this.live) {
+      let news = { ended: true, info: { ...this.runs[0].info, status: "interrupted", message: "" } };
+      try {
+        const answer = await fetch(`frames?after=${this.runs[0].motion.end}`, { cache: "no-store" });
+        if (answer.ok) news = await answer.json();
+      } catch (error) {
+        // the process is gone; what it sent remains
+      }
+      this.take(news);
+      if (this.live) await new Promise((resolve) => setTimeout(resolve, PAUSE));
     }
-    if (news === null) news = { ended: true, info: { ...app.runs[0].info, status: "interrupted", message: "" } };
-    take(app, news);
-    if (app.live) await new Promise((resolve) => setTimeout(resolve, PAUSE));
+  }
+
+  // More frames; or, when it has ended, all of the run.
+  take({ motion, ended, info, error_decades: decades }) {
+    const [run] = this.runs;
+    const { scene } = this;
+    scene.error_decades = decades || scene.error_decades;
+    run.description.info = info || run.info;
+    if (motion) {
+      if (ended) run.motion = new Motion(motion);
+      else run.motion.extend(new Motion(motion));
+      run.drawMotion(scene.error_decades);
+    }
+    if (!ended) return;
+    this.live = false;
+    scene.duration = run.motion.end;
+    this.overlay.addLegend();
+    this.panel.setDuration(scene.duration);
+    this.setTime(scene.duration);
   }
 }
 
-// More frames; or, when it has ended, all of the run.
-function take(app, news) {
-  const run = app.runs[0];
-  const { scene } = app;
-  if (news.motion) {
-    const motion = new Motion(news.motion);
-    if (news.ended) run.motion = motion;
-    else run.motion.extend(motion);
-  }
-  if (news.error_decades) scene.error_decades = news.error_decades;
-  if (news.info) run.description.info = news.info;
-  if (news.motion) run.drawMotion(scene.error_decades);
-  if (!news.ended) return;
-  app.live = false;
-  scene.duration = run.motion.end;
-  app.overlay.addLegend();
-  app.panel.setDuration(scene.duration);
-  app.setTime(scene.duration);
-}
-// Start, and what can be asked of the page from outside: window.mobman.
+// A rigid placement as rows of numbers, for whoever asks from outside.
+const rowsOf = ({ elements }) => [0, 1, 2, 3].map((row) => [0, 1, 2, 3].map((column) => elements[4 * column + row]));
+
 async function start() {
   const scene = JSON.parse(byId("scene").textContent);
   const app = new App(scene);
   await Promise.all(waited);
-  app.stage.viewer.set_3d_pane_size();
   app.look();
   app.render();
-  if (app.live) follow(app);
-  const run = (index) => app.runs[index || 0];
+  if (app.live) app.follow();
+  const run = (index = 0) => app.runs[index];
+  // drawn at once
+  const drawn = (name, before = () => {}) => (...values) => {
+    before();
+    app[name](...values);
+    app.render();
+  };
   Object.assign(window.mobman, {
     app,
-    // seconds; drawn at once
-    setTime(time) {
-      app.pause();
-      app.setTime(time);
-      app.render();
-    },
-    time: () => app.time,
-    duration: () => scene.duration,
+    setTime: drawn("setTime", () => app.pause()), // s
+    show: drawn("show"),
+    setLayout: drawn("setLayout"),
+    colourTrails: drawn("colourTrails"),
+    look: drawn("look"),
     play: () => app.play(),
     pause: () => app.pause(),
+    time: () => app.time,
+    duration: () => scene.duration,
     playing: () => app.playing,
-    // whether it follows a run that still goes
-    live: () => app.live,
+    live: () => app.live, // whether it follows a run that still goes
     // of a joint, a link, a part or "tip": four rows of four numbers, in the run's world
     pose: (name, index) => rowsOf(run(index).pose(name)),
     poses: (names, index) => Object.fromEntries(names.map((name) => [name, rowsOf(run(index).pose(name))])),
@@ -256,40 +212,20 @@ async function start() {
     },
     // what is in the scene: name, role, whether it is shown
     objects: (index) =>
-      run(index).description.robot === null
-        ? []
-        : ["visual", "collision"].flatMap((layer) =>
-            run(index).robot.layers[layer].map((mesh) => ({ name: mesh.name, layer, visible: mesh.visible, role: mesh.userData.role, joint: mesh.userData.joint }))
-          ),
+      ["visual", "collision"].flatMap((layer) =>
+        (run(index).robot ? run(index).robot.layers[layer] : []).map(({ name, visible, userData: { role, joint } }) => ({ name, layer, visible, role, joint }))
+      ),
     // the tip trail's points up to now, as they are drawn: the middles of the tube's rings
     trail(index) {
       const { trail, place } = run(index);
-      const position = trail.geometry.attributes.position.array;
-      const points = [];
-      for (let i = 0; i <= place.frame; i++) {
-        const sum = [0, 0, 0];
-        for (let k = 0; k < SIDES; k++) for (let j = 0; j < 3; j++) sum[j] += position[3 * (SIDES * i + k) + j] / SIDES;
-        points.push(sum);
-      }
-      return points;
+      const corner = (i) => new THREE.Vector3().fromBufferAttribute(trail.geometry.attributes.position, i);
+      return Array.from({ length: place.frame + 1 }, (_, frame) => {
+        const middle = new THREE.Vector3();
+        for (let side = 0; side < SIDES; side++) middle.addScaledVector(corner(RING * frame + side), 1 / SIDES);
+        return middle.toArray();
+      });
     },
     frameTimes: (index) => Array.from(run(index).motion.t),
-    show: (layer, visible) => {
-      app.show(layer, visible);
-      app.render();
-    },
-    setLayout: (layout) => {
-      app.setLayout(layout);
-      app.render();
-    },
-    colourTrails: (byError) => {
-      app.colourTrails(byError);
-      app.render();
-    },
-    look: (direction) => {
-      app.look(direction);
-      app.render();
-    },
     // without controls and with everything that looks good, for pictures
     picture() {
       app.stage.setShadows(true);
