@@ -196,6 +196,8 @@ class _Page(tornado.web.RequestHandler):
 
     def prepare(self) -> None:
         connection: Any = self.request.connection
+        if connection.stream.closed():  # the browser is gone; nobody reads the answer
+            raise tornado.web.HTTPError(403)
         own = _without_zone(connection.stream.socket.getsockname()[0])
         if self.request.host_name.strip("[]") not in self._names | {own}:
             raise tornado.web.HTTPError(403)

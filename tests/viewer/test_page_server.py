@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import socket
+import struct
 from contextlib import contextmanager
 
 import pytest
@@ -88,3 +89,14 @@ def test_a_host_by_its_name(monkeypatch):
         assert status(server, "127.0.0.2", to="127.0.0.2") == 200
         assert status(server, "localhost", to="127.0.0.2") == 200
         assert status(server, "elsewhere.example", to="127.0.0.2") == 403
+
+
+def test_browser_that_is_gone_before_the_answer(caplog):
+    """As when a live run is interrupted and its page is closed: nothing is logged."""
+    with serving("127.0.0.1") as server:
+        for _ in range(300):
+            with socket.create_connection(("127.0.0.1", server.port), timeout=10) as asking:
+                reset = struct.pack("ii", 1, 0)
+                asking.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
+                asking.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 3)
+    assert caplog.records == []
