@@ -18,8 +18,13 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import RecordError
-from mobman.simulation.record import OWN_PLACES
-from mobman.simulation.record_layout import DICTIONARIES, FIELDS, SCHEMA_VERSION, TEXTS
+from mobman.simulation.record_file import (
+    DICTIONARIES,
+    FIELDS,
+    OWN_PLACES,
+    SCHEMA_VERSION,
+    TEXTS,
+)
 
 SMALLEST_BOUND, EXPANSION = 64e6, 50
 """Bytes of all samples: at most the first, or so many times the size of the file. A robot at rest, whose

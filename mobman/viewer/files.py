@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mobman.errors import MobmanError
-from mobman.simulation.temporary import temporary_beside
+from mobman.files import temporary_beside
 
 
 def write_whole(path: Path, write: Callable[[Path], Any]) -> None:

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.settings import setting
 
 import mobman as mm
 from mobman.errors import SpecError
-from mobman.simulation.accelerometer import AccelerationSource
-from mobman.simulation.scenario import Scenario
+from mobman.simulation.scenario import AccelerationSource, Scenario
 
-RNG = np.random.default_rng
 UNEVEN = 0.1 + 0.2  # a float whose digits are needed in full
 
 ALL = {
@@ -248,10 +247,9 @@ def test_circle_is_told(tmp_path):
 def _signals(scenario, robot, seed=0):
     """Something of everything that is random."""
     scenario = Scenario(name="s", **scenario)
-    inertia = robot.motor_inertia(robot.q_rest)
-    masses = [link.mass for link in scenario.true_robot(robot, RNG(seed)).model.inertias]
-    push = scenario.disturbance(inertia, RNG(seed))
-    measured = scenario.measurement(robot, 1e-3, RNG(seed)).take(
+    masses = [link.mass for link in scenario.true_robot(setting(robot, seed)).model.inertias]
+    push = scenario.disturbance(setting(robot, seed))
+    measured = scenario.measurement(setting(robot, seed)).take(
         robot.q_rest, np.zeros(robot.nz), np.zeros(robot.nz)
     )
     return [np.array(masses), *([] if push is None else [push(0.7)]), *measured]
@@ -284,9 +282,8 @@ def test_another_piece_changes_no_stream(youbot, group):
 
 def test_two_of_a_kind_have_streams_of_their_own(youbot):
     first, second = RANDOM["disturbances"][0], {"type": "noise", "torque": 1.0, "band": [1.0, 5.0]}
-    inertia = youbot.motor_inertia(youbot.q_rest)
     once, twice = (
-        Scenario(name="s", disturbances=some).disturbance(inertia, RNG(0))(0.7)
+        Scenario(name="s", disturbances=some).disturbance(setting(youbot))(0.7)
         for some in ([first], [first, second])
     )
     assert not np.allclose(twice, 2.0 * once, atol=1e-2)
