@@ -16,7 +16,7 @@ def temporary_beside(path: Path) -> Path:
 
 
 def is_abandoned(temporary: Path) -> bool:
-    """Whether the process that wrote a temporary file was on this machine and is no more."""
+    """True if the process that wrote a temporary file was on this machine and has ended."""
     parts = temporary.name.rsplit(".", 3)
     if len(parts) != 4 or not parts[0].endswith("." + socket.gethostname()):
         return False

@@ -1,4 +1,4 @@
-"""What made a result: versions of everything whose numbers are in it, and the machine."""
+"""Provenance of a result: versions of everything whose numbers are in it, and the machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LIBRARIES = ("pin", "example-robot-data", "numpy", "scipy", "numba", "h5py")
 
 
 COMPUTING = ("mobman", "python", "pin", "numpy", "scipy", "numba")
-"""Of these, what may change a run's last bits; the robots' URDFs are in the records."""
+"""Those of them that may change a run's last bits; the robots' URDFs are in the records."""
 
 
 def versions() -> dict[str, str]:
@@ -34,7 +34,7 @@ def _versions() -> dict[str, str]:
 
 def machine() -> dict[str, str]:
     """The processor's model, the architecture, and the system with its library of mathematics: what
-    the last bits of a run depend on beside the versions. Empty where the system does not say."""
+    the last bits of a run depend on in addition to the versions. Empty where the system does not say."""
     return dict(_machine())
 
 

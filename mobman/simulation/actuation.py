@@ -90,7 +90,7 @@ class ActuationChain:
 
 
 class Delay(Piece):
-    """What is commanded acts so much later, whether or not that is a whole number of ticks; v = 0
+    """The command acts so much later, whether or not that is a whole number of ticks; v = 0
     until the first command has arrived."""
 
     delay: float = Field(ge=0)
@@ -109,7 +109,7 @@ class TorqueLevel(Piece):
     torque: Each | None = None
     """N m, N: a number for all motors or one for each."""
     factor: float | None = Field(None, gt=0)
-    """Of the URDF's effort limits."""
+    """Factor of the URDF's effort limits."""
     acceleration: float | None = Field(None, gt=0)
     """rad/s^2, m/s^2: what holds the robot still at its rest posture, and gives the motor's axis this
     acceleration there. In addition to ``factor``, for the motors whose limit the URDF does not state."""

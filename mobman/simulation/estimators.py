@@ -47,7 +47,7 @@ class FilteredDifference(Piece):
     """The backward difference behind a first-order low pass, sampled with its step response exact."""
 
     cutoff: float = Field(gt=0)
-    """Where its gain is 1/sqrt(2) (Hz)."""
+    """Frequency at which its gain is 1/sqrt(2) (Hz)."""
 
     def start(self, setting: Setting) -> Estimate:
         """See :class:`Piece`."""

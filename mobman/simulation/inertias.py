@@ -34,15 +34,15 @@ class Links(Piece):
     part: Literal["all", "platform", "arm"] = "all"
     """Only those of the arm or of the platform, whatever their names."""
     mass_factor: float = Field(1.0, gt=0)
-    """Of each body's mass and inertia."""
+    """Factor of each body's mass and inertia."""
     mass_spread: float = Field(0.0, ge=0, lt=1)
     """The mass factor times a number from [1 - spread, 1 + spread], for each body its own."""
     inertia_factor: float = Field(1.0, gt=0)
-    """Of each body's inertia about its centre of mass, in addition to the mass factor."""
+    """Factor of each body's inertia about its centre of mass, in addition to the mass factor."""
     inertia_spread: float = Field(0.0, ge=0, lt=1)
     """The inertia factor times such a number."""
     centre_offset: Triple = [0.0, 0.0, 0.0]
-    """Of the centre of mass, in the axes of the joint that moves the body (m)."""
+    """Shift of the centre of mass, in the axes of the joint that moves the body (m)."""
     centre_spread: float = Field(0.0, ge=0)
     """The centre of mass is also moved at random by up to so many of the body's radii of gyration,
     along each axis."""

@@ -303,7 +303,7 @@ class Loop:
         ]
 
     def _ends(self, t: float, status: int) -> bool:
-        """Whether the run ends with that status of the evaluation.
+        """Decide on a status of the evaluation: True if the run ends with it.
 
         Raises:
             SingularityError: If the plant's inertia is not positive definite.

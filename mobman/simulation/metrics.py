@@ -33,7 +33,7 @@ class Run:
     """A finished run at full rate, as metrics see it; shapes as in :class:`Record`."""
 
     completed: bool
-    """Whether it went to its end."""
+    """True if it went to its end."""
     duration: float
     """As requested (s)."""
     dt: float

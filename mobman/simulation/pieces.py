@@ -62,7 +62,7 @@ class Piece(Strict):
     model_config = ConfigDict(strict=True)
 
     def start(self, setting: Setting) -> Any:
-        """What acts in one run, as the type's group asks for it; None if nothing does.
+        """Start one run: the effect, of the kind that the type's group needs; None if there is none.
 
         Raises:
             SpecError: If the piece does not fit the robot.
@@ -92,7 +92,7 @@ class Source(Strict):
 
     @model_validator(mode="after")
     def _valid(self) -> Self:
-        piece = self.resolved()  # told when it is read, not when it is used
+        piece = self.resolved()  # reported when it is read, not when it is used
         fields = self.__pydantic_extra__
         if fields is not None:
             fields.clear()
@@ -111,7 +111,7 @@ class Source(Strict):
 
 
 def started(sources: Sequence[Source], setting: Setting) -> list[Any]:
-    """What the pieces of a group give, without those that do nothing.
+    """Start the pieces of a group: their effects, without those that do nothing.
 
     The generator of each depends on the run's seed, on the group and the type, and on how many of that
     type come before: pieces of other types and groups may be added or left out without any change to the

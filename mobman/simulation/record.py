@@ -72,15 +72,15 @@ class Record:
     settings: dict[str, Any]
     """The controller's gains in force, with the numbers that "auto" became."""
     versions: dict[str, str]
-    """Of mobman and of the libraries whose numbers are in here."""
+    """Versions of mobman and of the libraries whose numbers are in here."""
     urdf_sha256: str
-    """Of the robot's URDF file."""
+    """Hash of the robot's URDF file."""
     created: str
     """When, ISO 8601, UTC."""
     joint_names: list[str]
-    """Of q."""
+    """Names of the entries of q."""
     velocity_names: list[str]
-    """Of z and of the motors."""
+    """Names of the entries of z, and of the motors."""
     decimation: int = field(default=1)
     """Ticks from one sample to the next."""
     urdf: dict[str, bytes] = field(default_factory=dict, repr=False)
@@ -98,7 +98,7 @@ class Record:
 
     @property
     def ok(self) -> bool:
-        """Whether the run went to its end."""
+        """True if the run went to its end."""
         return self.status == "ok"
 
     def save(self, path: str | os.PathLike[str], *, every: int = 1, compression: int = 4) -> Path:

@@ -79,6 +79,15 @@ def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int 
     count = len(record["t"])
     # the last sample too: where a run ended early, it is the one that matters
     rows: Any = sorted({*range(0, count, every), count - 1}) if every > 1 else slice(None)
+    content = _file_of(record, every, rows, compression)
+    samples = [record["t"], *record["signals"].values()]
+    samples += [record[field] for field, *_ in FIELDS.values()]
+    if sum(np.asarray(values)[rows].nbytes for values in samples) > most_bytes(len(content)):
+        return _file_of(record, every, rows, 0)  # a robot at rest, say: or it could not be read
+    return content
+
+
+def _file_of(record: Mapping[str, Any], every: int, rows: Any, compression: int) -> bytes:
     # of a name of its own: HDF5 takes two files of one name for the same
     with _file_in_memory(f"mobman-{next(_names)}") as file:
         _write_attributes(file, record, every)
@@ -88,6 +97,11 @@ def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int 
         file.flush()
         content = file.id.get_file_image()
     return bytes(content)
+
+
+def most_bytes(size: int) -> float:
+    """Bytes of all samples that a file of a size (bytes) may have: no small file fills the memory."""
+    return max(64e6, 50.0 * size)
 
 
 def write_file(path: Path, content: bytes) -> None:
@@ -227,5 +241,5 @@ def _json(content: dict[str, Any]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """JSON for numpy's numbers and arrays, and for whatever a custom law reports."""
+    """JSON for numpy's numbers and arrays, and for whatever a user's controller reports."""
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)

@@ -56,7 +56,7 @@ class Own:
     controller: Controller | None = None
     """The controller, for one whose law is not registered."""
     make_task: Callable[[MobileManipulator, Array], Task] | None = None
-    """What makes the task from the robot and q0, for one that is not registered."""
+    """Factory of the task from the robot and q0, for one that is not registered."""
 
 
 def repeat(
@@ -203,7 +203,7 @@ class Compared:
     difference: float = 0.0
     """The largest; NaN where there is none to tell: texts, or a value on one side only."""
     where: str = ""
-    """Of the largest: the column and the time, or both values."""
+    """Place of the largest: the column and the time, or both values."""
 
 
 @dataclass(frozen=True)
@@ -217,32 +217,32 @@ class Verification:
     """The largest difference allowed, over the larger of 1 and the largest value, and
     :data:`LOOSER` times as much in torques and signals; 0: bit for bit."""
     machine: dict[str, tuple[str, str]]
-    """In what the machine is another: what it was, what it is."""
+    """Differences of the machine: what it was, what it is."""
     versions: dict[str, tuple[str, str]]
-    """Which of what computes has another version: what it was, what it is."""
+    """Libraries and tools that compute and have another version: what it was, what it is."""
     note: str
-    """What else differs, and does not matter."""
+    """A further difference that does not matter."""
 
     @property
     def identical(self) -> bool:
-        """Whether all is equal to the last bit."""
+        """True if all is equal to the last bit."""
         return all(item.identical for item in self.compared)
 
     @property
     def equal(self) -> bool:
-        """Whether all is equal within the tolerance."""
+        """True if all is equal within the tolerance."""
         return all(item.equal for item in self.compared)
 
     @property
     def differences(self) -> list[Compared]:
-        """What is not equal, the states first."""
+        """Everything that is not equal, the states first."""
         return [item for item in self.compared if not item.equal]
 
 
 def differing(
     was: Mapping[str, str], now: Mapping[str, str], names: Iterable[str]
 ) -> dict[str, tuple[str, str]]:
-    """Which of some named values differ."""
+    """The named values that differ, with both values."""
     pairs = {name: (was.get(name, "unknown"), now.get(name, "unknown")) for name in names}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
@@ -302,7 +302,7 @@ def _text(name: str, was: Any, now: Any) -> Compared:
 
 
 def _same_ticks(record: Record, again: Record) -> Index:
-    """Which samples of the repetition the record's are, as far as both go."""
+    """The samples of the repetition that are the record's, as far as both go."""
     rows = np.arange(len(record.t)) * record.decimation
     last = len(again.t) - 1
     if len(rows) > 1 and rows[-2] < last < rows[-1]:

@@ -129,7 +129,7 @@ class Scenario(Strict):
         try:
             bases = [load_scenario(name) for name in content["extends"]]
         except (MobmanError, TypeError):
-            return content  # told of the field, together with whatever else is wrong
+            return content  # reported with the field, together with whatever else is wrong
         merged: dict[str, Any] = {}
         for part in [*map(_given, bases), content]:
             for name, value in part.items():

@@ -59,13 +59,13 @@ class WhiteNoise(Piece):
     """White Gaussian noise, new at every tick; each field is a standard deviation."""
 
     position: Each = 0.0
-    """Of the joints and wheels (rad, m): a number for all, or a list for all of q in its order."""
+    """Deviation at the joints and wheels (rad, m): a number for all, or a list for all of q."""
     pose: Each = 0.0
-    """Of the platform's pose (m, m, rad), where ``position`` is no list."""
+    """Deviation of the platform's pose (m, m, rad), where ``position`` is no list."""
     velocity: Each = 0.0
-    """Of z."""
+    """Deviation of z."""
     acceleration: Each = 0.0
-    """Of z', in addition to what the noise of z does to a z' that is computed from it."""
+    """Deviation of z', in addition to what the noise of z does to a z' that is computed from it."""
 
     @field_validator("*")
     @classmethod
@@ -107,9 +107,9 @@ class Quantisation(Piece):
     """q is rounded to the nearest multiple of a resolution; z may be what its differences tell."""
 
     resolution: Each
-    """Of the joints and wheels (rad, m): a number for all, or a list for all of q in its order."""
+    """Resolution of joints and wheels (rad, m): a number for all, or a list for all of q."""
     pose: Each = 0.0
-    """Of the platform's pose (m, m, rad), where ``resolution`` is no list; 0: not rounded."""
+    """Resolution of the platform's pose (m, m, rad), where ``resolution`` is no list; 0: not rounded."""
     velocity: Literal["measured", "difference"] = "measured"
     """z is measured by itself, or is (q_k - q_(k-1))/dt of the rounded q, as z."""
 

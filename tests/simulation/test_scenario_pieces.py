@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -193,6 +195,45 @@ def test_what_does_not_fit_the_robot_is_told(youbot, fields, named):
             youbot, "pseudo-inverse", "circle", duration=0.01, scenario=Scenario(name="s", **fields)
         )
     assert "scenario 's'" in str(caught.value)
+
+
+# A new file --------------------------------------------------------------------------------------
+
+NEW_FILE = """
+from mobman.simulation.disturbances import Amplitude
+from mobman.simulation.metrics import metric
+from mobman.simulation.sensors import Sensor, sensors
+from mobman.simulation.pieces import Piece
+
+
+class Dead(Piece):
+    def start(self, setting):
+        sensor = Sensor()
+        sensor.state = lambda q, z: z.fill(0.0)
+        return sensor
+
+
+sensors.register("{name}", Dead)
+
+
+@metric("dead_ticks", "1", "number of ticks")
+def dead_ticks(run):
+    return len(run.t)
+"""
+
+
+@pytest.mark.parametrize(("file", "name"), [("dead_sensor", "dead-sensor"), ("mine", "dead")])
+def test_a_new_file_is_all_that_a_piece_and_a_metric_need(tmp_path, file, name):
+    """In the folder of the package, whatever it is called."""
+    (tmp_path / f"{file}.py").write_text(NEW_FILE.format(name=name), encoding="utf-8")
+    code = (
+        f"import mobman.simulation; mobman.simulation.__path__.append({str(tmp_path)!r})\n"
+        "import mobman as mm\n"
+        f"scenario = mm.Scenario(name='s', sensors=[{{'type': {name!r}}}])\n"
+        "record = mm.simulate('youbot', 'pseudo-inverse', 'circle', duration=0.01, scenario=scenario)\n"
+        "assert record.metrics['dead_ticks'] == 11\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
 
 
 # Composing -------------------------------------------------------------------------------------
