@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from mobman.model.build import load_robot
     from mobman.model.mobile_manipulator import MobileManipulator
     from mobman.robots.catalogue import list_robots, register_robot
-    from mobman.simulation.closed_loop import simulate
     from mobman.simulation.record import Record, load_record
     from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
+    from mobman.simulation.simulate import simulate
     from mobman.tasks.task import Task, list_tasks, make_task
     from mobman.viewer.view import view
 
@@ -43,7 +43,7 @@ _PUBLIC = {
     "make_controller": "mobman.controllers.protocol",
     "make_task": "mobman.tasks.task",
     "register_robot": "mobman.robots.catalogue",
-    "simulate": "mobman.simulation.closed_loop",
+    "simulate": "mobman.simulation.simulate",
     "view": "mobman.viewer.view",
 }
 

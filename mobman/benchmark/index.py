@@ -14,8 +14,8 @@ import numpy as np
 
 from mobman.benchmark.run_spec import RunSpec
 from mobman.errors import MobmanError
-from mobman.simulation.record_file import RecordSummary
-from mobman.simulation.temporary import temporary_beside
+from mobman.files import temporary_beside
+from mobman.simulation.record import RecordSummary
 
 _SCHEMA_VERSION = 2
 

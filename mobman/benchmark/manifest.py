@@ -11,7 +11,7 @@ from typing import Any
 from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError
-from mobman.simulation.temporary import temporary_beside
+from mobman.files import temporary_beside
 
 SCHEMA_VERSION = 2
 NAME = "suite.json"

@@ -21,8 +21,7 @@ from mobman.benchmark.report.report import Request, write_report
 from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.store import Store
 from mobman.errors import MobmanError, RecordError
-from mobman.simulation.record import load_record
-from mobman.simulation.record_file import RecordSummary, read_summary
+from mobman.simulation.record import RecordSummary, load_record, read_summary
 
 WriteReplay = Callable[[Path, Path, float | None], None]
 """Writes a page: given a record's file, the page's, and the instant that it opens at (s), if any."""

@@ -13,9 +13,8 @@ from mobman.benchmark.manifest import NAME, Manifest, read_manifest
 from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError, RecordError
-from mobman.simulation.record import Record, load_record
-from mobman.simulation.record_file import RecordSummary, read_summary
-from mobman.simulation.temporary import is_abandoned, temporary_beside
+from mobman.files import is_abandoned, temporary_beside
+from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from mobman.cli.run import tell
 from mobman.errors import MobmanError
 
 if TYPE_CHECKING:
-    from mobman.simulation.repeat import Own, Verification
+    from mobman.simulation.rerun import Own, Verification
 
 _TOLD = 5
 
@@ -107,7 +107,7 @@ def rerun(
 def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
     """What the user names instead of the record's parts."""
     from mobman.model.build import load_robot
-    from mobman.simulation.repeat import Own
+    from mobman.simulation.rerun import Own
 
     law = None
     if controller is not None:
@@ -133,7 +133,7 @@ def _code(name: str, option: str) -> Any:
 
 
 def _repeat(file: Path, output: Path | None, own: Own, *, as_json: bool) -> bool:
-    from mobman.simulation.repeat import repeat
+    from mobman.simulation.rerun import repeat
 
     with progress_bar(str(file)) as progress:
         record = repeat(file, own=own, progress=progress)
@@ -152,7 +152,7 @@ def _verify(
     *,
     as_json: bool,
 ) -> bool:
-    from mobman.simulation.repeat import verify
+    from mobman.simulation.rerun import verify
 
     with progress_bar(str(file)) as progress:
         found = verify(file, tolerance=tolerance, own=own, progress=progress)

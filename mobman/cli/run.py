@@ -95,8 +95,8 @@ def run(
     """
     from mobman.controllers.protocol import make_controller
     from mobman.model.build import load_robot
-    from mobman.simulation.closed_loop import simulate
     from mobman.simulation.scenario import load_scenario
+    from mobman.simulation.simulate import simulate
     from mobman.tasks.task import check_parameters, make_task
 
     speed = _speed(live_speed)
@@ -112,7 +112,7 @@ def run(
         watched: LiveRun | None = None
         looking: dict[str, Any] = {}
         if live:
-            from mobman.simulation.arguments import seconds
+            from mobman.simulation.simulate import seconds
             from mobman.viewer.live import LiveRun
             from mobman.viewer.view import View
 
@@ -191,7 +191,7 @@ def tell(record: Record, path: Path | None, *, as_json: bool) -> None:
 
 
 def _print(record: Any, path: Path | None) -> None:
-    from mobman.simulation.metrics.metric import list_metrics
+    from mobman.simulation.metrics import list_metrics
 
     out = console()
     bounds = {key: record.settings[key] for key in ("a", "A") if key in record.settings}

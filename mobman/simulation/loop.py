@@ -1,30 +1,31 @@
-"""The loop itself: measure, control, hold the torque, integrate the plant; tick by tick."""
+"""The closed loop: measure, control, hold the torque, integrate the plant; tick by tick."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Index, Matrix, Vector
 from mobman.controllers.protocol import Controller
 from mobman.errors import MobmanError, SingularityError, UsageError
+from mobman.kernels.dense import dot
+from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call, program
 from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.extended_kernels import GAUGE_LOST, SINGULAR
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
-from mobman.simulation.actuation.chain import ActuationChain
-from mobman.simulation.constraint_residual import largest_residual
-from mobman.simulation.divergence import divergence_reason, divergence_step
-from mobman.simulation.measurement import Measurement
+from mobman.simulation.actuation import ActuationChain
+from mobman.simulation.integrator import TickIntegrator, divergence_reason, divergence_step
 from mobman.simulation.plant import Plant, require_success
-from mobman.simulation.samples import Samples, keep, keep_finite, keep_from
-from mobman.simulation.signals import Signals
-from mobman.simulation.tick_integrator import TickIntegrator
+from mobman.simulation.record_file import APPLIED, OWN_PLACES
+from mobman.simulation.sensors import Measurement
 from mobman.tasks.criteria.posture import Posture
 from mobman.tasks.task import Task, task_steps
 
@@ -32,16 +33,79 @@ Observer = Callable[[float, Array, Array, Array], None]
 """Is given t (s), q, z and the torque at a tick; the arrays are its own."""
 
 
+class Samples:
+    """Samples of a run, one row a tick.
+
+    Args:
+        rows: Number of ticks.
+        robot: The plant's robot.
+        m: Dimension of the task space.
+
+    Attributes:
+        q: Configuration (m, rad), shape (rows, nq).
+        z: Reduced velocity, shape (rows, nz).
+        torque: Commanded v, shape (rows, nz).
+        tip: Task coordinates of the tip, f_e (m), shape (rows, m).
+        desired: p_d (m), shape (rows, m).
+        auxiliary: e^a, shape (rows, nz - m); NaN where it is not known.
+        compute_time: Time that the controller took (s), shape (rows,).
+        applied: Torque that acts, shape (rows, nz); None where it is the commanded one.
+        limited: Whether a limit changed the commanded torque, shape (rows,); None with ``applied``.
+        signals: Signals of the controller by name, ``rows`` rows each; NaN where it gives none.
+        count: How many rows are filled.
+        work: Integral of z^T (B v - D) over the run (J).
+        status: As in :class:`mobman.Record`.
+        message: The same.
+    """
+
+    def __init__(self, rows: int, robot: MobileManipulator, m: int) -> None:
+        self.q = np.empty((rows, robot.nq))
+        self.z = np.empty((rows, robot.nz))
+        self.torque = np.empty((rows, robot.nz))
+        self.tip = np.empty((rows, m))
+        self.desired = np.empty((rows, m))
+        self.auxiliary = np.full((rows, robot.nz - m), np.nan)
+        self.compute_time = np.empty(rows)
+        self.applied: Array | None = None
+        self.limited: NDArray[np.bool_] | None = None
+        self.signals: dict[str, Array] = {}
+        self.count = 0
+        self.work = 0.0
+        self.status = "ok"
+        self.message = ""
+
+    def keep_applied(self) -> None:
+        """Make room for torques that act, where these are not those that are commanded."""
+        self.applied = np.zeros_like(self.torque)
+        self.limited = np.zeros(len(self.torque), dtype=bool)
+
+    def rows_of_signal(self, name: str, shape: tuple[int, ...]) -> Array:
+        """The rows of a signal whose values have a shape.
+
+        Raises:
+            UsageError: If it has the name of a part of the record.
+        """
+        if name not in self.signals:
+            if name.split("/")[0] in {*OWN_PLACES, APPLIED}:
+                raise UsageError(f"the signal {name!r} has the name of a record's own part")
+            self.signals[name] = np.full((len(self.q), *shape), np.nan)
+        return self.signals[name]
+
+    def diverged(self, t: float, reason: str) -> None:
+        """End the run at t (s) since it diverged."""
+        self.status, self.message = "diverged", f"at t = {t:.6g} s: {reason}"
+
+
 class Loop:
     """One run of a closed loop; it runs once.
 
     Args:
         robot: The robot that the controller supposes.
-        controller: What computes the torque.
+        controller: Computes the torque.
         task: The desired trajectory.
-        task_map: What the task is about.
+        task_map: The task's coordinates as a function of the state.
         plant: The true robot and what acts on it.
-        measurement: What the controller is given of the plant's state.
+        measurement: Makes of the plant's state what the controller is given.
         actuation: From the commanded torque to the one that acts; None if it is the same.
         q0: Start (m, rad), shape (nq,).
         ticks: How many periods there are.
@@ -52,7 +116,7 @@ class Loop:
 
     Attributes:
         robot: As given; so are ``controller``, ``task``, ``task_map``, ``plant``, ``ticks``, ``dt``.
-        samples: What is kept, one row a tick; whole once :meth:`run` is over.
+        samples: The samples, one row a tick; whole once :meth:`run` is over.
 
     Raises:
         SpecError: If the plant's friction is too steep to be integrated.
@@ -81,7 +145,7 @@ class Loop:
         self.samples = Samples(ticks + 1, plant.robot, task_map.m)
         self._measurement, self._actuation = measurement, actuation
         self._progress, self._observe, self._stride = progress, observe, stride
-        self._integrator = TickIntegrator(plant, actuation, q0, dt, self.samples)
+        self._integrator = TickIntegrator(plant, actuation, q0, dt)
         self._command = plant.v if actuation is None else np.zeros(robot.nz)
         if actuation is not None:
             self.samples.keep_applied()
@@ -94,11 +158,11 @@ class Loop:
             *plant.friction_steps(),
             plant.acceleration_step(self._z_dot, np.zeros(1)),
         ]
-        self._signals = Signals(controller, self.samples)
+        self._report: Callable[[], dict[str, Any]] | None = getattr(controller, "signals", None)
 
     @property
     def criterion(self) -> Criterion:
-        """What e^a is measured by: the controller's own criterion, or the robot's posture."""
+        """The criterion that e^a belongs to: the controller's own, or the robot's posture."""
         own: Criterion | None = getattr(self.controller, "criterion", None)
         return Posture.of(self.robot) if own is None else own
 
@@ -143,14 +207,14 @@ class Loop:
         self._auxiliary = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
         auxiliary_steps = [
             *self._auxiliary.auxiliary_steps(),
-            call(keep_from, self._tick, self._auxiliary.f, self.task_map.m, samples.auxiliary),
+            call(_keep_from, self._tick, self._auxiliary.f, self.task_map.m, samples.auxiliary),
         ]
         self._keep_auxiliary = program(auxiliary_steps)
         self._evaluate = program([*self._evaluation, *auxiliary_steps])
         self._keep = program(
             [
-                call(keep_finite, self._tick, self._command, samples.torque),
-                *self._signals.steps(self._tick),
+                call(_keep_finite, self._tick, self._command, samples.torque),
+                *self._signal_steps(),
             ]
         )
         self._resolve_auxiliary()
@@ -163,7 +227,7 @@ class Loop:
         run_all, measure, step = now.run_all, self._measurement.take, self.controller.step
         q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
         keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype
-        keep_signals = self._signals.keep if self._signals.asked else None
+        keep_signals = self._keep_signals if self._report is not None else None
         every, compute_time = max(1, ticks // 100), samples.compute_time
         observe, stride = self._observe, self._stride
         for tick in range(ticks + 1):
@@ -191,13 +255,31 @@ class Loop:
                 keep_signals(tick)
             if observe is not None and tick % stride == 0:
                 observe(t, q.copy(), z.copy(), v.copy())
-            if tick < ticks:
-                advance(t)
-                if samples.status != "ok":
-                    return
+            if tick < ticks and (diverged := advance(t)) is not None:
+                samples.diverged(*diverged)
+                return
             samples.count = tick + 1
             if self._progress is not None and tick % every == 0:
                 self._progress(tick / ticks)
+
+    def _signal_steps(self) -> list[Call]:
+        """The steps that keep a row of each signal, where they are overwritten in place."""
+        report = self._report
+        if report is None or not getattr(self.controller, "signals_in_place", False):
+            return []
+        self._report = None  # nothing is left to be done in Python
+        found = []
+        for name, value in report().items():
+            rows = self.samples.rows_of_signal(name, value.shape)
+            flat = (value.reshape(-1), 0, rows.reshape(len(rows), -1))
+            found.append(call(_keep_from, self._tick, *flat))
+        return found
+
+    def _keep_signals(self, tick: int) -> None:
+        """Keep a row of each signal."""
+        if self._report is not None:
+            for name, value in self._report().items():
+                self.samples.rows_of_signal(name, np.shape(value))[tick] = value
 
     def _looking(self) -> list[Call]:
         """The steps that keep a row of the state, or report why it counts as diverged."""
@@ -211,17 +293,17 @@ class Loop:
             *now.constraint_steps(),
             *task_steps(self.task, self._t, p_d),
             call(
-                keep,
+                _keep,
                 *(self._tick, now.q, now.z, now.tip, p_d),
                 *(samples.q, samples.z, samples.tip, samples.desired),
             ),
             divergence_step(now.q, now.z, now.tip, p_d),
             *moving,
-            call(largest_residual, now.A, q_dot, self._residual),
+            call(_largest_residual, now.A, q_dot, self._residual),
         ]
 
     def _ends(self, t: float, status: int) -> bool:
-        """Whether the run ends with that status of the evaluation.
+        """Decide on a status of the evaluation: True if the run ends with it.
 
         Raises:
             SingularityError: If the plant's inertia is not positive definite.
@@ -245,7 +327,7 @@ class Loop:
             self._evaluate = program(self._evaluation)
 
     def _actuate(self, actuation: ActuationChain, tick: int) -> None:
-        """From the command to what acts on the plant."""
+        """Pass the command through the actuation, and keep what acts."""
         actuation.take(self._command)
         samples = self.samples
         if samples.applied is not None and samples.limited is not None:
@@ -266,3 +348,50 @@ def _checked_torque(torque: Any, like: Array) -> Array:
             f"the controller's torque has shape {array.shape}; the robot has {len(like)} motors"
         )
     return array
+
+
+@kernel
+def _keep(
+    tick: Index,
+    q: Vector,
+    z: Vector,
+    tip: Vector,
+    p_d: Matrix,
+    q_rows: Matrix,
+    z_rows: Matrix,
+    tip_rows: Matrix,
+    desired_rows: Matrix,
+) -> None:
+    """Write the tick's row of what is kept."""
+    row = tick[0]
+    for i in range(q.shape[0]):
+        q_rows[row, i] = q[i]
+    for i in range(z.shape[0]):
+        z_rows[row, i] = z[i]
+    for i in range(p_d.shape[1]):
+        tip_rows[row, i] = tip[i]
+        desired_rows[row, i] = p_d[0, i]
+
+
+@kernel
+def _keep_finite(tick: Index, vector: Vector, rows: Matrix) -> int:
+    """Write the tick's row of a vector; 1 if an entry is not finite."""
+    for i in range(vector.shape[0]):
+        if not math.isfinite(vector[i]):
+            return 1
+        rows[tick[0], i] = vector[i]
+    return 0
+
+
+@kernel
+def _keep_from(tick: Index, vector: Vector, first: int, rows: Matrix) -> None:
+    """Write the tick's row of a vector's entries from ``first`` on."""
+    for i in range(rows.shape[1]):
+        rows[tick[0], i] = vector[first + i]
+
+
+@kernel
+def _largest_residual(A: Matrix, q_dot: Vector, largest: Vector) -> None:
+    """The largest entry of A q' up to now; it should be rounding only."""
+    for i in range(A.shape[0]):
+        largest[0] = max(largest[0], abs(dot(A[i], q_dot)))

@@ -3,39 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 
-from mobman.arrays import Array, Matrix, Vector
+from mobman.arrays import Array, Index, Matrix, Vector
 from mobman.errors import SingularityError, SpecError
 from mobman.kernels import cholesky
-from mobman.kernels.dense import apply, copy, dot
+from mobman.kernels.dense import apply, apply_transpose, copy, dot
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, Program, call, program
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.workspace import Workspace
-from mobman.simulation.disturbances.disturbance import Torque
-from mobman.simulation.friction.friction import Resistance, rate_step
-from mobman.simulation.sensors.sensor import pose_index
-from mobman.simulation.slip.slip import add_step, begin_step
+from mobman.simulation.disturbances import Torque
+from mobman.simulation.friction import Resistance
+from mobman.simulation.sensors import pose_index
+from mobman.simulation.slip import Slip
 
 _factor, _solve = cholesky.factor, cholesky.solve
 
 _LARGEST_DECAY = 2.5
-"""What Runge-Kutta's step may be at most, in time constants of the friction; it is stable to 2.78."""
+"""Longest Runge-Kutta step, in time constants of the friction; it is stable to 2.78."""
 
 NOT_DEFINITE = 3
 """Status: the plant's inertia is not positive definite."""
 
 
 class Plant:
-    """What the controller acts on: M z' + Pz + G + D = B v (17) with the true inertias.
+    """The plant: M z' + Pz + G + D = B v (17) with the true inertias.
 
     Args:
         robot: The true robot.
         disturbance: Torque added to the motors', D = -B d; none by default.
+        friction: On the motors' axes; they add up.
+        slip: Of the platform, if it has a pose; they add up.
 
     Attributes:
         now: The robot's matrices at the state.
@@ -45,46 +46,32 @@ class Plant:
             of rolling, and nothing in it depends on where a platform is on a floor.
     """
 
-    def __init__(self, robot: MobileManipulator, disturbance: Torque | None = None) -> None:
+    def __init__(
+        self,
+        robot: MobileManipulator,
+        disturbance: Torque | None = None,
+        friction: Sequence[Resistance] = (),
+        slip: Sequence[Slip] = (),
+    ) -> None:
         self.robot = robot
         self.now = Workspace(robot)
         self.v = np.zeros(robot.nz)
         self.disturbed = disturbance is not None
-        self.slips = False
         self._disturbance = disturbance
         self._external = self._d = np.zeros(robot.nz)
+        if friction:
+            self._d = np.zeros(robot.nz)  # that of now: the external one less friction
         self._rate = np.zeros(robot.nz)
-        self._friction: list[Resistance] = []
+        self._slope = sum(part.slope for part in friction)
+        self._friction = [part.step(self._rate, self._d) for part in friction]
         self._base = np.array(pose_index(robot), dtype=np.int64)
-        self._pose, self._rolling, self._slipping = np.zeros((3, 3))
-        self._slip: list[Call] = []
+        self._pose, self._rolling, self._slipping = place = np.zeros((3, 3))
+        self._slip = [step(*place) for step in slip] if len(self._base) else []
+        self.slips = bool(self._slip)
         self._lower = np.zeros((robot.nz, robot.nz))
         self._z_dot = np.zeros(robot.nz)
         self._acceleration: Program | None = None
         self._velocity = program(self.now.velocity_steps())
-
-    def resist(self, friction: Callable[[Array, Array], Resistance]) -> None:
-        """Add a friction; before any steps are asked for.
-
-        Args:
-            friction: Makes it from the axes' rates and the torques to subtract from, see
-                :class:`mobman.simulation.friction.friction.Friction`.
-        """
-        if not self._friction:
-            self._d = np.zeros_like(self._external)  # that of now: the external one less friction
-        self._friction.append(friction(self._rate, self._d))
-
-    def slide(self, slip: Callable[[Array, Array, Array], Call | None]) -> None:
-        """Add a slip, if the platform has a pose; before any steps are asked for.
-
-        Args:
-            slip: Makes it from the pose, its rate and the slip to add to, see
-                :class:`mobman.simulation.slip.slip.Slip`.
-        """
-        step = slip(self._pose, self._rolling, self._slipping)
-        if step is not None and len(self._base):
-            self._slip.append(step)
-            self.slips = True
 
     def disturb(self, t: float) -> None:
         """Let the disturbance of time t (s) act."""
@@ -96,8 +83,7 @@ class Plant:
         if not self._friction:
             return 0.0
         m, _, b = self.robot.dynamics(q, np.zeros(self.robot.nz))
-        slope = sum(part.slope for part in self._friction)
-        rates = np.linalg.eigvals(np.linalg.solve(m, b @ np.diag(slope) @ b.T))
+        rates = np.linalg.eigvals(np.linalg.solve(m, b @ np.diag(self._slope) @ b.T))
         return float(np.abs(rates).max())
 
     def require_followed(self, q: Array, h: float) -> None:
@@ -131,9 +117,10 @@ class Plant:
         if not self._friction:
             return []
         return [
-            rate_step(self.now.B, self.now.z, self._rate),
+            # the axes' rates B^T z: by them the motors' torques v have the power z^T B v
+            call(apply_transpose, self.now.B, self.now.z, self._rate),
             call(copy, self._external, self._d),
-            *(part.step for part in self._friction),
+            *self._friction,
         ]
 
     def motion_steps(self, q_dot: Array) -> list[Call]:
@@ -142,9 +129,9 @@ class Plant:
         if self._slip:
             place = (self._pose, self._rolling, self._slipping)
             steps += [
-                begin_step(self._base, self.now.q, self.now.q_dot, *place),
+                call(_look_at_pose, self._base, self.now.q, self.now.q_dot, *place),
                 *self._slip,
-                add_step(self._base, self._slipping, q_dot),
+                call(_add_slip, self._base, self._slipping, q_dot),
             ]
         return steps
 
@@ -231,29 +218,18 @@ def _accelerate(
     _solve(lower, z_dot, z_dot)
 
 
-def true_robot(
-    robot: MobileManipulator,
-    mass_factor: float = 1.0,
-    inertia_factor: float | None = None,
-    payload: float = 0.0,
-) -> MobileManipulator:
-    """The robot with other inertias; the same object if nothing changes.
+@kernel
+def _look_at_pose(
+    index: Index, q: Vector, q_dot: Vector, pose: Vector, rolling: Vector, slipping: Vector
+) -> None:
+    """The pose and its rate by rolling; no slip yet."""
+    for i in range(index.shape[0]):
+        pose[i] = q[index[i]]
+        rolling[i] = q_dot[index[i]]
+        slipping[i] = 0.0
 
-    Args:
-        robot: The nominal robot.
-        mass_factor: Factor of every link's mass.
-        inertia_factor: Factor of every link's inertia about its centre of mass; the mass's by default.
-        payload: Point mass at the tip (kg).
-    """
-    turning = mass_factor if inertia_factor is None else inertia_factor
-    if mass_factor == 1.0 and turning == 1.0 and payload == 0.0:
-        return robot
-    model = robot.model.copy()
-    for i in range(1, model.njoints):
-        link = model.inertias[i]
-        model.inertias[i] = pin.Inertia(link.mass * mass_factor, link.lever, link.inertia * turning)
-    if payload > 0.0:
-        tip = model.frames[robot.tip_frame]
-        mass = pin.Inertia(payload, np.zeros(3), np.zeros((3, 3)))
-        model.appendBodyToJoint(tip.parentJoint, mass, tip.placement)
-    return robot.with_model(model)
+
+@kernel
+def _add_slip(index: Index, slipping: Vector, q_dot: Vector) -> None:
+    for i in range(index.shape[0]):
+        q_dot[index[i]] += slipping[i]

@@ -1,33 +1,30 @@
-"""What a run leaves behind."""
+"""Records: the samples of a run, its metrics, and everything needed to repeat it."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.simulation.provenance import machine
+from mobman.errors import RecordError
+from mobman.isolation import Crash, helper, limits
+from mobman.provenance import machine
+from mobman.simulation.record_file import DICTIONARIES, file_content, write_file
 
-OWN_PLACES = {
-    "t",
-    "q",
-    "z",
-    "torque",
-    "tip",
-    "error",
-    "compute_time",
-    "metrics",
-    "joint",
-    "velocity",
-    "axis",
-    "urdf",
-}
-"""First parts of the places in a record's file that a controller's signals cannot have."""
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_ALLOWED = "allowed: a record that mobman wrote"
+# Processor time and memory that reading a record may take: a hundred times the usual.
+_SECONDS, _SECONDS_PER_MB = 2.0, 0.5
+_MEGABYTES, _MEGABYTES_PER_MB = 256.0, 100.0
 
 
 @dataclass
@@ -58,7 +55,7 @@ class Record:
     compute_time: Array
     """Time that the controller took for each tick (s), shape (N_s,)."""
     signals: dict[str, Array]
-    """What the controller reports of itself, by its place in the file: ``"sliding/s"``, ..."""
+    """Signals of the controller by place in the file: ``"sliding/s"``, ..."""
     metrics: dict[str, float]
     """By name; see docs/metrics.md. NaN where a metric has no meaning, inf where it was not reached."""
     status: str
@@ -71,19 +68,19 @@ class Record:
     scenario: str
     seed: int
     spec: dict[str, Any]
-    """The run as it was asked for."""
+    """The request for the run, see :mod:`mobman.simulation.run_spec`."""
     settings: dict[str, Any]
     """The controller's gains in force, with the numbers that "auto" became."""
     versions: dict[str, str]
-    """Of mobman and of the libraries whose numbers are in here."""
+    """Versions of mobman and of the libraries whose numbers are in here."""
     urdf_sha256: str
-    """Of the robot's URDF file."""
+    """Hash of the robot's URDF file."""
     created: str
     """When, ISO 8601, UTC."""
     joint_names: list[str]
-    """Of q."""
+    """Names of the entries of q."""
     velocity_names: list[str]
-    """Of z and of the motors."""
+    """Names of the entries of z, and of the motors."""
     decimation: int = field(default=1)
     """Ticks from one sample to the next."""
     urdf: dict[str, bytes] = field(default_factory=dict, repr=False)
@@ -101,7 +98,7 @@ class Record:
 
     @property
     def ok(self) -> bool:
-        """Whether the run went to its end."""
+        """True if the run went to its end."""
         return self.status == "ok"
 
     def save(self, path: str | os.PathLike[str], *, every: int = 1, compression: int = 4) -> Path:
@@ -119,9 +116,9 @@ class Record:
             RecordError: If it cannot be written.
             UsageError: If ``every`` or ``compression`` is no such number.
         """
-        from mobman.simulation.record_file import write_record
-
-        return write_record(self, Path(path), every=every, compression=compression)
+        content = self.to_bytes(every=every, compression=compression)
+        write_file(Path(path), content)
+        return Path(path)
 
     def to_bytes(self, *, every: int = 1, compression: int = 4) -> bytes:
         """The content of the file that :meth:`save` writes.
@@ -129,9 +126,7 @@ class Record:
         Raises:
             UsageError: If ``every`` or ``compression`` is no such number.
         """
-        from mobman.simulation.record_file import record_bytes
-
-        return record_bytes(self, every=every, compression=compression)
+        return file_content(vars(self), every=every, compression=compression)
 
 
 def state_sha256(*samples: Array) -> str:
@@ -148,6 +143,76 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Raises:
         RecordError: If there is no such file, or it is not a record that this version reads.
     """
-    from mobman.simulation.record_file import read_record
+    content = _read("read_whole", Path(path))
+    head = content.pop("attributes")
+    for name in DICTIONARIES:
+        head[name] = json.loads(head.pop(f"{name}_json"))
+    return Record(**head, **content.pop("fields"), **content)
 
-    return read_record(Path(path))
+
+@dataclass(frozen=True)
+class RecordSummary:
+    """A record's file without its samples."""
+
+    status: str
+    message: str
+    robot: str
+    controller: str
+    task: str
+    scenario: str
+    seed: int
+    state_sha256: str
+    metrics: dict[str, float]
+    settings: Mapping[str, Any]
+    """Not to be changed: records with the same settings share them, as for what follows."""
+    versions: Mapping[str, str]
+    machine: Mapping[str, str]
+    created: str
+
+
+def read_summary(path: Path) -> RecordSummary:
+    """The summary of a record.
+
+    Raises:
+        RecordError: As for :func:`mobman.load_record`.
+    """
+    head = _read("read_head", path)
+    shared = {name: _shared(head.pop(f"{name}_json")) for name in DICTIONARIES}
+    kept = {field.name for field in fields(RecordSummary)}
+    return RecordSummary(**{k: v for k, v in {**head, **shared}.items() if k in kept})
+
+
+def _read(function: str, path: Path) -> Any:
+    """The answer of a function of :mod:`mobman.simulation.record_reader`, which may crash or hang."""
+    try:
+        if not path.is_file():
+            what = "it is a folder" if path.is_dir() else "it is no file"
+            raise RecordError(f"there is no record {path}" + (f": {what}" if path.exists() else ""))
+        with path.open("rb") as stream:
+            start = stream.read(len(_SIGNATURE))
+        if start != _SIGNATURE:
+            reason = (
+                f"it starts with {start!r}, not with HDF5's signature" if start else "it is empty"
+            )
+            raise RecordError(f"{path} is not a readable HDF5 file: {reason}; {_ALLOWED}")
+        megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
+        return helper.call(
+            f"mobman.simulation.record_reader:{function}",
+            os.path.abspath(path),
+            str(path),
+            seconds=seconds,
+            megabytes=_MEGABYTES + _MEGABYTES_PER_MB * megabytes,
+        )
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        why = getattr(error, "strerror", None) or error
+        raise RecordError(f"cannot read the record {path}: {why}") from error
+    except Crash as error:
+        raise RecordError(
+            f"{path} is not a readable HDF5 file: it is damaged ({error}); {_ALLOWED}"
+        ) from error
+
+
+@lru_cache(maxsize=512)
+def _shared(text: str) -> Mapping[str, Any]:
+    """A dictionary; of thousands of records, few differ in theirs."""
+    return MappingProxyType(json.loads(text))

@@ -1,62 +1,118 @@
-"""Records as HDF5 files: one run a file, with units and named axes, readable by xarray."""
+"""Layout of a record's HDF5 file, and writing it: one run a file, readable by xarray.
+
+Reading is in :mod:`mobman.simulation.record_reader`.
+"""
 
 from __future__ import annotations
 
 import errno
+import itertools
 import json
+import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import h5py
 import numpy as np
 
-from mobman.arrays import Array, Index
 from mobman.errors import RecordError, UsageError
-from mobman.isolation import Crash, helper, limits
-from mobman.simulation.record import Record
-from mobman.simulation.record_chunks import chunks
-from mobman.simulation.record_layout import (
-    DICTIONARIES,
-    FIELDS,
-    TEXTS,
-    empty_file,
-    layout_of,
-    open_in_memory,
+from mobman.files import temporary_beside
+
+SCHEMA_VERSION = 2
+
+FIELDS: dict[str, tuple[str, str, str, str]] = {
+    # place in the file: field, axis of its columns, units, description
+    "q": ("q", "joint", "m or rad", "configuration, platform and arm"),
+    "z": ("z", "velocity", "1/s of its coordinate", "reduced velocity (alpha, y')"),
+    "torque": (
+        "torque",
+        "velocity",
+        "N m or N",
+        "commanded torque v, held from this tick to the next",
+    ),
+    "tip/position": ("tip_position", "axis", "m", "task coordinates of the tip, f_e"),
+    "tip/desired": ("tip_desired", "axis", "m", "desired trajectory p_d"),
+    "error/task": ("task_error", "axis", "m", "e^e = f_e - p_d"),
+    "error/auxiliary": ("auxiliary_error", "auxiliary_component", "1", "e^a = f_a of (11)"),
+    "compute_time": ("compute_time", "", "s", "time that the controller took for this tick"),
+}
+TEXTS = (
+    *("status", "message", "robot", "controller", "task", "scenario"),
+    *("urdf_sha256", "state_sha256", "created"),
 )
-from mobman.simulation.temporary import temporary_beside
+DICTIONARIES = ("spec", "settings", "versions", "machine")
+APPLIED = "torque_applied"
+"""The signal of the torque that acts, where the scenario's actuation makes it another one."""
+OWN_PLACES = {
+    *("t", "q", "z", "torque", "tip", "error", "compute_time"),
+    *("metrics", "joint", "velocity", "axis", "urdf"),
+}
+"""First parts of the places in a record's file that a controller's signals cannot have."""
 
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_ALLOWED = "allowed: a record that mobman wrote"
-# Processor time and memory that reading a record may take: a hundred times what it does take.
-_SECONDS, _SECONDS_PER_MB = 2.0, 0.5
-_MEGABYTES, _MEGABYTES_PER_MB = 256.0, 100.0
+_SIGNALS = {
+    "sliding/s": ("m/s^2", "sliding variable of the kinematic stage, (31)"),
+    APPLIED: ("N m or N", "torque that acts from this tick to the next"),
+    "sliding/S": ("1/s^2 of its coordinate", "sliding variable of the dynamic stage, (51)"),
+}
+_DIMENSION_ONLY = "This is a netCDF dimension but not a netCDF variable. %10d"
+"""The name in netCDF of a dimension without coordinates."""
+_ROWS = 16384  # of a chunk at most: what reads a moment of a long run need not read the whole
+
+_names = itertools.count()
 
 
-def record_bytes(record: Record, *, every: int = 1, compression: int = 4) -> bytes:
-    """See :meth:`Record.to_bytes`."""
+def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int = 4) -> bytes:
+    """The content of a record's file; equal records make equal bytes.
+
+    Args:
+        record: The fields of a :class:`mobman.Record` by name.
+        every: Keep every so many-th sample, and the last.
+        compression: From 0, none, to 9.
+
+    Raises:
+        UsageError: If ``every`` or ``compression`` is no such number.
+    """
     _check_number("every", every, 1, None)
     _check_number("compression", compression, 0, 9)
-    kept = _kept(len(record.t), every)
-    file = open_in_memory(empty_file(layout_of(record, len(kept), compression)))
-    try:
-        _fill(file, record, every, kept, compression)
-        h5py.h5f.flush(file)
-        content: bytes = file.get_file_image()
-    finally:
-        file.close()
+    count = len(record["t"])
+    # the last sample too: where a run ended early, it is the one that matters
+    rows: Any = sorted({*range(0, count, every), count - 1}) if every > 1 else slice(None)
+    content = _file_of(record, every, rows, compression)
+    samples = [record["t"], *record["signals"].values()]
+    samples += [record[field] for field, *_ in FIELDS.values()]
+    if sum(np.asarray(values)[rows].nbytes for values in samples) > most_bytes(len(content)):
+        return _file_of(record, every, rows, 0)  # a robot at rest, say: or it could not be read
     return content
 
 
-def write_record(record: Record, path: Path, *, every: int = 1, compression: int = 4) -> Path:
-    """See :meth:`Record.save`."""
+def _file_of(record: Mapping[str, Any], every: int, rows: Any, compression: int) -> bytes:
+    # of a name of its own: HDF5 takes two files of one name for the same
+    with _file_in_memory(f"mobman-{next(_names)}") as file:
+        _write_attributes(file, record, every)
+        _write_samples(file, record, rows, compression)
+        for place, content in record["urdf"].items():
+            _write_urdf(file, f"urdf/{place}", content)
+        file.flush()
+        content = file.id.get_file_image()
+    return bytes(content)
+
+
+def most_bytes(size: int) -> float:
+    """Bytes of all samples that a file of a size (bytes) may have: no small file fills the memory."""
+    return max(64e6, 50.0 * size)
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a record's file: whole, or not at all.
+
+    Raises:
+        RecordError: If it cannot be written.
+        UsageError: If the path is not the name of a file.
+    """
     if not path.name:
         raise UsageError(f"{str(path)!r} is not the name of a file")
-    content = record_bytes(record, every=every, compression=compression)
     temporary = temporary_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -70,49 +126,12 @@ def write_record(record: Record, path: Path, *, every: int = 1, compression: int
         if error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
             reason += f" ({len(content) / 1e6:.3g} MB are needed)"
         raise RecordError(f"cannot write the record {path}: {reason}") from error
-    return path
 
 
-def read_record(path: Path) -> Record:
-    """See :func:`mobman.load_record`."""
-    content = _read("read_whole", path)
-    head = content.pop("attributes")
-    for name in DICTIONARIES:
-        head[name] = json.loads(head.pop(f"{name}_json"))
-    fields: dict[str, Any] = content.pop("fields")
-    return Record(**content, **head, **fields)
-
-
-@dataclass(frozen=True)
-class RecordSummary:
-    """What a record's file says without its samples."""
-
-    status: str
-    message: str
-    robot: str
-    controller: str
-    task: str
-    scenario: str
-    seed: int
-    state_sha256: str
-    metrics: dict[str, float]
-    settings: Mapping[str, Any]
-    """Not to be changed: records with the same settings share them, as for what follows."""
-    versions: Mapping[str, str]
-    machine: Mapping[str, str]
-    created: str
-
-
-def read_summary(path: Path) -> RecordSummary:
-    """The summary of a record.
-
-    Raises:
-        RecordError: As for :func:`mobman.load_record`.
-    """
-    head = _read("read_head", path)
-    shared = {name: _shared(head.pop(f"{name}_json")) for name in DICTIONARIES}
-    kept = {field.name for field in fields(RecordSummary)}
-    return RecordSummary(**{k: v for k, v in {**head, **shared}.items() if k in kept})
+def as_in_file(content: dict[str, Any]) -> dict[str, Any]:
+    """A dictionary of a record as it is once it was in a file: tuples are lists, for instance."""
+    back: dict[str, Any] = json.loads(_json(content))
+    return back
 
 
 def _check_number(name: str, value: int, least: int, most: int | None) -> None:
@@ -122,50 +141,99 @@ def _check_number(name: str, value: int, least: int, most: int | None) -> None:
         raise UsageError(f"{name} = {value!r}: must be a whole number, {allowed}")
 
 
-def _kept(count: int, every: int) -> Index:
-    # the last sample too: where a run ended early, it is the one that matters
-    rows = np.arange(0, count, every)
-    return rows if (count - 1) % every == 0 else np.append(rows, count - 1)
+def _file_in_memory(name: str) -> h5py.File:
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fapl_core(1 << 18, False)
+    # readers since HDF5 1.10 (2016); smaller indices of chunks than before
+    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
+    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+    creation.set_obj_track_times(False)  # which h5py.File has no option for
+    return h5py.File(h5py.h5f.create(name.encode(), h5py.h5f.ACC_TRUNC, creation, access))
 
 
-def _fill(file: h5py.h5f.FileID, record: Record, every: int, kept: Index, compression: int) -> None:
-    texts = {name: getattr(record, name) for name in TEXTS}
+def _write_attributes(file: h5py.File, record: Mapping[str, Any], every: int) -> None:
+    file.attrs["schema_version"] = SCHEMA_VERSION
+    file.attrs["seed"] = np.int64(record["seed"])
+    file.attrs["decimation"] = np.int64(record["decimation"] * every)
+    for name in TEXTS:
+        file.attrs[name] = _text(record[name])
     for name in DICTIONARIES:
-        texts[f"{name}_json"] = _json(getattr(record, name))
-    for name, text in texts.items():
-        h5py.h5a.open(file, name.encode()).write(_text(text))
-    for name, number in {"seed": record.seed, "decimation": record.decimation * every}.items():
-        h5py.h5a.open(file, name.encode()).write(np.array(number, dtype=np.int64))
-    metrics = h5py.h5g.open(file, b"metrics")
-    for name, value in record.metrics.items():
-        h5py.h5a.open(metrics, name.encode()).write(np.array(value, dtype=float))
-    samples = {place: getattr(record, field) for place, (field, *_) in FIELDS.items()}
-    rows: Any = slice(None) if len(kept) == len(record.t) else kept
-    for place, values in {"t": record.t, **samples, **record.signals}.items():
-        _write(file, place, np.ascontiguousarray(values[rows], dtype="<f8"), compression)
+        file.attrs[f"{name}_json"] = _text(_json(record[name]))
+    file.attrs["signals"] = np.array(list(record["signals"]), dtype=h5py.string_dtype())
+    metrics = file.create_group("metrics", track_times=False)
+    for name, value in record["metrics"].items():
+        metrics.attrs[name] = float(value)
 
 
-def _write(file: h5py.h5f.FileID, place: str, values: Array, compression: int) -> None:
-    dataset = h5py.h5d.open(file, place.encode())
-    if not values.size:
-        return
-    if not compression:
-        dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, values)
-        return
-    for start, content in chunks(values, compression):
-        dataset.write_direct_chunk(start, content)
+def _write_samples(file: h5py.File, record: Mapping[str, Any], rows: Any, compression: int) -> None:
+    def axis(name: str, values: Any, units: str, description: str) -> h5py.Dataset:
+        kind = None if isinstance(values, np.ndarray) else h5py.string_dtype()
+        found = _dataset(file, name, values, units, description, dtype=kind)
+        found.make_scale(name)
+        return found
+
+    def samples(place: str, values: Any, units: str, description: str) -> h5py.Dataset:
+        values = np.asarray(values, dtype="<f8")[rows]
+        options: dict[str, Any] = {}
+        if compression and values.size:
+            options = {"compression": "gzip", "compression_opts": compression, "shuffle": True}
+            options["chunks"] = _chunk_shape(values.shape)
+        return _dataset(file, place, values, units, description, **options)
+
+    time = samples("t", record["t"], "s", "time")
+    time.make_scale("t")
+    directions = ["x", "y", "z"][: record["task_error"].shape[1]]
+    components = np.arange(record["auxiliary_error"].shape[1])
+    scales = {
+        "joint": axis("joint", record["joint_names"], "", "coordinates of q"),
+        "velocity": axis(
+            "velocity", record["velocity_names"], "", "components of z, and the motors"
+        ),
+        "axis": axis("axis", directions, "", "world axes"),
+        "auxiliary_component": axis("auxiliary_component", components, "1", "components of e^a"),
+    }
+    for place, (field, columns, units, description) in FIELDS.items():
+        data = samples(place, record[field], units, description)
+        data.dims[0].attach_scale(time)
+        if columns:
+            data.dims[1].attach_scale(scales[columns])
+    for place, values in record["signals"].items():
+        data = samples(place, values, *_SIGNALS.get(place, ("", "signal of the controller")))
+        data.dims[0].attach_scale(time)
+        for i, size in enumerate(data.shape[1:], start=1):
+            name = f"{place.replace('/', '_')}_component" + (f"_{i}" if i > 1 else "")
+            data.dims[i].attach_scale(axis(name, np.arange(size), "1", f"components of {place}"))
 
 
-def _text(text: str) -> Any:
+def _write_urdf(file: h5py.File, place: str, content: bytes) -> None:
+    """A file's bytes; readers of netCDF want a name for the axis, too."""
+    values = np.frombuffer(content, dtype=np.uint8)
+    options = {"compression": "gzip", "compression_opts": 9}
+    data = _dataset(file, place, values, "", "URDF file, byte by byte", **options)
+    # allocated when it is written, which it never is
+    byte = data.parent.create_dataset("byte", shape=values.shape, dtype=">f4")
+    byte.make_scale(_DIMENSION_ONLY % len(values))
+    data.dims[0].attach_scale(byte)
+
+
+def _chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Some rows of one column."""
+    parts = max(1, math.ceil(shape[0] / _ROWS))
+    return (max(1, math.ceil(shape[0] / parts)), *(1 for _ in shape[1:]))
+
+
+def _dataset(
+    file: h5py.File, place: str, values: Any, units: str, description: str, **options: Any
+) -> h5py.Dataset:
+    dataset = file.create_dataset(place, data=values, track_times=False, **options)
+    dataset.attrs["units"] = units
+    dataset.attrs["description"] = description
+    return dataset
+
+
+def _text(text: str) -> str:
     """As HDF5 takes it: valid UTF-8 without NUL, whatever a message or a name has in it."""
-    valid = text.replace("\0", "\\0").encode("utf-8", errors="backslashreplace").decode("utf-8")
-    return np.array(valid, dtype=h5py.string_dtype())
-
-
-def as_in_file(content: dict[str, Any]) -> dict[str, Any]:
-    """What a dictionary of a record is once it was in a file: tuples are lists, for instance."""
-    back: dict[str, Any] = json.loads(_json(content))
-    return back
+    return text.replace("\0", "\\0").encode("utf-8", errors="backslashreplace").decode("utf-8")
 
 
 def _json(content: dict[str, Any]) -> str:
@@ -173,41 +241,5 @@ def _json(content: dict[str, Any]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON has no word for: numpy's numbers and arrays, and whatever a custom law reports."""
+    """JSON for numpy's numbers and arrays, and for whatever a user's controller reports."""
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
-
-
-def _read(function: str, path: Path) -> Any:
-    """The answer of a function of :mod:`mobman.simulation.record_reader`, which may crash or hang."""
-    try:
-        if not path.is_file():
-            what = "it is a folder" if path.is_dir() else "it is no file"
-            raise RecordError(f"there is no record {path}" + (f": {what}" if path.exists() else ""))
-        with path.open("rb") as stream:
-            start = stream.read(len(_SIGNATURE))
-        if start != _SIGNATURE:
-            reason = (
-                f"it starts with {start!r}, not with HDF5's signature" if start else "it is empty"
-            )
-            raise RecordError(f"{path} is not a readable HDF5 file: {reason}; {_ALLOWED}")
-        megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
-        return helper.call(
-            f"mobman.simulation.record_reader:{function}",
-            os.path.abspath(path),
-            str(path),
-            seconds=seconds,
-            megabytes=_MEGABYTES + _MEGABYTES_PER_MB * megabytes,
-        )
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        why = getattr(error, "strerror", None) or error
-        raise RecordError(f"cannot read the record {path}: {why}") from error
-    except Crash as error:
-        raise RecordError(
-            f"{path} is not a readable HDF5 file: it is damaged ({error}); {_ALLOWED}"
-        ) from error
-
-
-@lru_cache(maxsize=512)
-def _shared(text: str) -> Mapping[str, Any]:
-    """A dictionary; of thousands of records, few differ in theirs."""
-    return MappingProxyType(json.loads(text))

@@ -18,12 +18,14 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import RecordError
-from mobman.simulation.record import OWN_PLACES
-from mobman.simulation.record_layout import DICTIONARIES, FIELDS, SCHEMA_VERSION, TEXTS
-
-SMALLEST_BOUND, EXPANSION = 64e6, 50
-"""Bytes of all samples: at most the first, or so many times the size of the file. A robot at rest, whose
-columns are zeros, is compressed 50 times."""
+from mobman.simulation.record_file import (
+    DICTIONARIES,
+    FIELDS,
+    OWN_PLACES,
+    SCHEMA_VERSION,
+    TEXTS,
+    most_bytes,
+)
 
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 _MOST_NAMES = 10_000  # of joints, metrics and signals
@@ -110,7 +112,7 @@ class _Reader:
 
     def __init__(self, file: h5py.File, size: int) -> None:
         self._file, self._attributes = file, file.attrs
-        self._left = max(SMALLEST_BOUND, EXPANSION * size)
+        self._left = most_bytes(size)
         self._bound = self._left
 
     def version(self) -> Any:

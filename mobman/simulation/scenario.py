@@ -1,31 +1,27 @@
-"""Scenarios: in what the plant and its sensors differ from what the controller supposes."""
+"""Scenarios: differences of the plant and its sensors from what the controller supposes."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextvars import ContextVar
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
-import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from mobman.arrays import Array
 from mobman.errors import MobmanError, SpecError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.accelerometer import AccelerationSource, Accelerometer
-from mobman.simulation.actuation.actuation import Motors, actuations
-from mobman.simulation.actuation.chain import ActuationChain
-from mobman.simulation.differentiators.differentiator import differentiators
-from mobman.simulation.disturbances.disturbance import Torque, disturbances
-from mobman.simulation.friction.friction import frictions
-from mobman.simulation.inertias.inertia import inertias
-from mobman.simulation.measurement import Measurement
-from mobman.simulation.pieces import Source, streams
-from mobman.simulation.plant import Plant, true_robot
-from mobman.simulation.sensors.sensor import sensors
-from mobman.simulation.slip.slip import slips
+from mobman.simulation.actuation import ActuationChain, actuations
+from mobman.simulation.disturbances import Torque, disturbances
+from mobman.simulation.estimators import estimators
+from mobman.simulation.friction import frictions
+from mobman.simulation.inertias import inertias, true_robot
+from mobman.simulation.pieces import Setting, Source, started
+from mobman.simulation.plant import Plant
+from mobman.simulation.sensors import Measurement, sensors
+from mobman.simulation.slip import slips
 from mobman.toml_model import Strict, describe, named_file, read_toml, validate
 
 
@@ -48,7 +44,7 @@ class DisturbanceSource(Source):
 
 
 class ActuationSource(Source):
-    """Something between the commanded torque and the one that acts."""
+    """A stage between the commanded torque and the one that acts."""
 
     group, what, kinds = "actuation", "actuation", actuations
 
@@ -65,28 +61,32 @@ class SlipSource(Source):
     group, what, kinds = "slip", "slip", slips
 
 
+class AccelerationSource(Source):
+    """An estimator of z', with its parameters."""
+
+    group, what, kinds = "acceleration", "acceleration", estimators
+
+
 def _acceleration(value: Any) -> Any:
-    """A way to know z' by name, if it needs no parameters, or as a table."""
+    """An estimator of z' by name, if it needs no parameters, or as a table."""
     if isinstance(value, AccelerationSource):
         return value
     fields = {"type": value} if isinstance(value, str) else value
-    names = differentiators.names()
+    names = estimators.names()
     if not isinstance(fields, dict) or fields.get("type") not in names:
         choices = ", ".join(map(repr, names))
         raise ValueError(f"must be one of {choices}, or a table with such a 'type'")
     parameters = {name: given for name, given in fields.items() if name != "type"}
-    kind: Any = differentiators.get(fields["type"])
-    validate(kind, parameters, f"acceleration {fields['type']!r}")
+    validate(estimators.get(fields["type"]), parameters, f"acceleration {fields['type']!r}")
     source = AccelerationSource(**fields)
     return source if source.__pydantic_extra__ else source.type
 
 
 Number = Annotated[float, Field(strict=True)]
-S = TypeVar("S", bound=Source)
 
 
 class Scenario(Strict):
-    """A scenario: what a file ``mobman/simulation/scenarios/NAME.toml`` says."""
+    """A scenario: the content of a file ``mobman/simulation/scenarios/NAME.toml``."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
     description: str = ""
@@ -110,9 +110,9 @@ class Scenario(Strict):
     sensors: list[SensorSource] = []
     """Errors of q, z and z', in the order in which they happen."""
     acceleration: Annotated[str | AccelerationSource, BeforeValidator(_acceleration)] = "exact"
-    """How z' is known: ``"exact"``, ``"backward-difference"``, or a table with a type."""
+    """Estimator of z': ``"exact"``, ``"backward-difference"``, or a table with a type."""
     slip: list[SlipSource] = []
-    """Velocities of the platform's pose beside that of rolling; they add up."""
+    """Velocities of the platform's pose in addition to that of rolling; they add up."""
 
     def __init__(self, **fields: Any) -> None:
         try:
@@ -129,7 +129,7 @@ class Scenario(Strict):
         try:
             bases = [load_scenario(name) for name in content["extends"]]
         except (MobmanError, TypeError):
-            return content  # told of the field, together with whatever else is wrong
+            return content  # reported with the field, together with whatever else is wrong
         merged: dict[str, Any] = {}
         for part in [*map(_given, bases), content]:
             for name, value in part.items():
@@ -144,42 +144,21 @@ class Scenario(Strict):
             load_scenario(name)
         return names
 
-    # What a run is made of ---------------------------------------------------------------------
+    # Parts of a run. Each takes its setting, and raises SpecError if a piece does not fit the robot.
 
-    def true_robot(
-        self, robot: MobileManipulator, random: np.random.Generator
-    ) -> MobileManipulator:
-        """The robot with the true inertias; the same object if nothing changes.
-
-        Args:
-            robot: The nominal robot.
-            random: The run's generator.
-
-        Raises:
-            SpecError: If a piece does not fit the robot.
-        """
-        scaled = true_robot(robot, self.mass_factor, self.inertia_factor)
+    def true_robot(self, setting: Setting) -> MobileManipulator:
+        """The setting's robot with the true inertias; the same object if nothing changes."""
+        scaled = true_robot(setting.robot, self.mass_factor, self.inertia_factor)
         if self.inertias:
             model = scaled.model.copy()
-            for source, own in self._with_streams(self.inertias, random):
-                self._fitting(source, "change", model, robot, own)
-            scaled = robot.with_model(model)
+            for change in self._started(self.inertias, setting):
+                change(model)
+            scaled = setting.robot.with_model(model)
         return true_robot(scaled, payload=self.payload)
 
-    def disturbance(self, inertia: Array, random: np.random.Generator) -> Torque | None:
-        """The sum of the disturbances for one run; None if there are none.
-
-        Args:
-            inertia: What each motor's axis feels at rest (kg m^2, kg), shape (nz,).
-            random: The run's generator.
-
-        Raises:
-            SpecError: If a disturbance does not fit the robot.
-        """
-        parts: list[Torque] = [
-            self._fitting(source, "start", inertia, own)
-            for source, own in self._with_streams(self.disturbances, random)
-        ]
+    def disturbance(self, setting: Setting) -> Torque | None:
+        """The sum of the disturbances; None if there are none."""
+        parts: list[Torque] = self._started(self.disturbances, setting)
         if not parts:
             return None
 
@@ -191,95 +170,42 @@ class Scenario(Strict):
 
         return total
 
-    def plant(
-        self, robot: MobileManipulator, true: MobileManipulator, random: np.random.Generator
-    ) -> Plant:
+    def plant(self, setting: Setting, true: MobileManipulator) -> Plant:
         """The true robot under its disturbances, its friction and its slip.
 
         Args:
-            robot: The nominal robot, in whose inertia relative amplitudes are measured.
-            true: The true one.
-            random: The run's generator.
-
-        Raises:
-            SpecError: If a piece does not fit the robot.
+            setting: With the nominal robot, in whose inertia relative amplitudes are measured.
+            true: The true robot.
         """
-        if not (self.disturbances or self.friction or self.slip):
-            return Plant(true)
-        inertia = robot.motor_inertia(robot.q_rest)
-        plant = Plant(true, self.disturbance(inertia, random))
-        for friction, own in self._with_streams(self.friction, random):
-            plant.resist(partial(self._fitting, friction, "start", inertia, own))
-        for slip, own in self._with_streams(self.slip, random):
-            plant.slide(partial(self._fitting, slip, "start", own))
-        return plant
+        return Plant(
+            true,
+            self.disturbance(setting),
+            self._started(self.friction, setting),
+            self._started(self.slip, setting),
+        )
 
-    def actuation_chain(
-        self, robot: MobileManipulator, dt: float, random: np.random.Generator
-    ) -> ActuationChain | None:
-        """From the commanded torque to the one that acts; None if they are the same.
+    def actuation_chain(self, setting: Setting) -> ActuationChain | None:
+        """The stages from the commanded torque to the one that acts; None if they are the same."""
+        stages = self._started(self.actuation, setting)
+        return ActuationChain(stages, setting.dt, setting.robot.nz) if stages else None
 
-        Args:
-            robot: The nominal robot.
-            dt: Sampling period (s).
-            random: The run's generator.
+    def measurement(self, setting: Setting) -> Measurement:
+        """The measurement that the controller is given."""
+        source = self.acceleration
+        if isinstance(source, str):
+            source = AccelerationSource(type=source)
+        (estimate,) = self._started([source], setting)
+        return Measurement(estimate, self._started(self.sensors, setting))
 
-        Raises:
-            SpecError: If a piece does not fit the robot.
-        """
-        if not self.actuation:
-            return None
-        motors = Motors.of(robot)
-        stages = [
-            self._fitting(source, "start", motors, dt, own)
-            for source, own in self._with_streams(self.actuation, random)
-        ]
-        active = [stage for stage in stages if stage is not None]
-        return ActuationChain(active, dt, robot.nz) if active else None
-
-    def measurement(
-        self, robot: MobileManipulator, dt: float, random: np.random.Generator
-    ) -> Measurement:
-        """What the controller is given.
-
-        Args:
-            robot: The nominal robot.
-            dt: Sampling period (s).
-            random: The run's generator.
-
-        Raises:
-            SpecError: If a piece does not fit the robot.
-        """
+    def _started(self, sources: Sequence[Source], setting: Setting) -> list[Any]:
         try:
-            accelerometer = Accelerometer(self.acceleration, dt, robot.velocity_names)
+            return started(sources, setting)
         except SpecError as error:
-            raise SpecError(f"scenario {self.name!r}: acceleration: {error}") from error
-        found = [
-            self._fitting(source, "start", robot, dt, own)
-            for source, own in self._with_streams(self.sensors, random)
-        ]
-        return Measurement(accelerometer, [sensor for sensor in found if sensor is not None])
-
-    def _with_streams(
-        self, sources: list[S], random: np.random.Generator
-    ) -> list[tuple[S, np.random.Generator]]:
-        return list(zip(sources, streams(sources, random), strict=True))
-
-    def _fitting(self, source: Source, method: str, *arguments: Any) -> Any:
-        """What a piece's method gives.
-
-        Raises:
-            SpecError: If it does not fit the robot; the message names the scenario and the piece.
-        """
-        try:
-            return getattr(source.resolved(), method)(*arguments)
-        except SpecError as error:
-            where = f"{source.what} {source.type!r}"
-            raise SpecError(f"scenario {self.name!r}: {where}: {error}") from error
+            raise SpecError(f"scenario {self.name!r}: {error}") from error
 
 
 def _given(scenario: Scenario) -> dict[str, Any]:
-    """What a scenario says, for one that begins with it."""
+    """The fields that a scenario gives, for one that begins with it."""
     own = scenario.model_fields_set - {"name", "description", "extends"}
     return scenario.model_dump(mode="json", include=own)
 

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from mobman.arrays import Array
 from mobman.errors import MobmanError, UsageError
+from mobman.files import temporary_beside
 from mobman.printable import printable
-from mobman.simulation.temporary import temporary_beside
 
 LOOPBACK = "127.0.0.1"
 _SCRIPTS = ("robot.js", "run.js", "stage.js", "controls.js", "app.js")

@@ -38,7 +38,7 @@ from mobman.benchmark.report.tables import metrics_table, summary_table
 from mobman.benchmark.report.thinning import thin
 from mobman.benchmark.run_spec import Cell
 from mobman.errors import MobmanError
-from mobman.simulation.metrics.metric import list_metrics
+from mobman.simulation.metrics import list_metrics
 from mobman.simulation.record import Record
 
 NASTY = "at t = 0.25 s: <script>alert('x')</script> & | worse"

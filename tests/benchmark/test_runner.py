@@ -21,9 +21,9 @@ from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError
+from mobman.files import temporary_beside
 from mobman.robots import catalogue
 from mobman.simulation.record import load_record
-from mobman.simulation.temporary import temporary_beside
 
 
 @pytest.fixture(scope="module")

@@ -22,8 +22,8 @@ from mobman.controllers.protocol import controllers
 from mobman.model.platforms.body import Body
 from mobman.model.platforms.platform import platforms
 from mobman.resources import resource_folder
-from mobman.simulation.disturbances.disturbance import disturbances
-from mobman.simulation.metrics.metric import list_metrics
+from mobman.simulation.disturbances import disturbances
+from mobman.simulation.metrics import list_metrics
 from mobman.simulation.scenario import Scenario
 from mobman.tasks.task import list_tasks, parameters_of
 from mobman.toml_model import Strict

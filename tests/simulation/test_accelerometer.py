@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from support.settings import estimator
 
 import mobman as mm
-from mobman.simulation.accelerometer import Accelerometer
 from mobman.simulation.scenario import Scenario
 
 DT = 1e-2
@@ -28,13 +28,13 @@ class Listener:
 
 def test_exact_is_the_true_one():
     true = np.array([1.0, 2.0])
-    assert np.array_equal(Accelerometer("exact", DT).measure(np.zeros(2), true), true)
+    assert np.array_equal(estimator([], DT, type="exact")(np.zeros(2), true), true)
 
 
 def test_backward_difference_lags_by_half_a_tick():
-    meter = Accelerometer("backward-difference", DT)
+    estimate = estimator([], DT, type="backward-difference")
     z = [np.array([np.sin(3.0 * k * DT)]) for k in range(5)]
-    found = [meter.measure(value, np.array([np.nan])) for value in z]
+    found = [estimate(value, np.array([np.nan])) for value in z]
     assert not found[0].any()
     for k in range(1, 5):
         assert np.allclose(found[k], (z[k] - z[k - 1]) / DT)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from support.runs import Torque
+from support.settings import setting
 
 import mobman as mm
-from mobman.simulation.actuation.actuation import Motors
 from mobman.simulation.scenario import Scenario
 
 LARGE = 1e9
@@ -70,9 +70,8 @@ def test_run_without_limits_is_never_saturated(youbot):
 
 def test_limits_are_those_of_the_urdf_or_of_an_acceleration(robot):
     """factor x effort; where there is none, holding torque + acceleration x inertia."""
-    motors = Motors.of(robot)
     stage = Scenario(name="s", actuation=[_limits(factor=0.5, acceleration=20.0)]).actuation[0]
-    level = stage.resolved().level(motors)
+    level = stage.resolved().level(setting(robot))
     stated = np.isfinite(robot.limits.torque)
     assert np.array_equal(level[stated], 0.5 * robot.limits.torque[stated])
     _, bias, b = robot.dynamics(robot.q_rest, np.zeros(robot.nz))

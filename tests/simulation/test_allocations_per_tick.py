@@ -15,7 +15,7 @@ import mobman as mm
 from mobman.arrays import Vector
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import call, program
-from mobman.simulation import recording
+from mobman.simulation import simulate
 
 LAWS = mm.list_controllers()
 ROBOTS = ["youbot", "tiago"]
@@ -126,7 +126,7 @@ def test_simulation_grows_by_its_record(name, with_metrics, factor, request, tra
     """And, at its end, by what metrics need: differences of torques, a Jacobian every 10 ms."""
     robot = request.getfixturevalue(name)
     if not with_metrics:
-        monkeypatch.setattr(recording, "compute_metrics", lambda run: {})
+        monkeypatch.setattr(simulate, "compute_metrics", lambda run: {})
     for law in ("tsm", "pseudo-inverse"):
         _peak(robot, law, 100)
         (short, short_record), (long, long_record) = (

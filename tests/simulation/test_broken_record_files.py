@@ -15,7 +15,7 @@ import pytest
 
 import mobman as mm
 from mobman.errors import MobmanError, RecordError, UsageError
-from mobman.simulation.record_file import read_summary
+from mobman.simulation.record import read_summary
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.settings import estimator
 
 import mobman as mm
-from mobman.simulation.accelerometer import AccelerationSource, Accelerometer
 from mobman.simulation.scenario import Scenario
 
 DT = 1e-3
@@ -14,9 +14,9 @@ T = np.arange(0.0, 4.0, DT)
 
 
 def _estimate(signal, **source):
-    meter = Accelerometer(AccelerationSource(**source), DT, ["z"])
+    estimate = estimator(["z"], DT, **source)
     true = np.array([np.nan])  # not to be looked at
-    return np.array([meter.measure(np.array([value]), true)[0] for value in signal])
+    return np.array([estimate(np.array([value]), true)[0] for value in signal])
 
 
 def _levant(signal, bound):
@@ -75,14 +75,12 @@ def test_levants_solves_the_implicit_equations():
     """Put into the discretised equations, off the surface and on it."""
     bound, random = 7.0, np.random.default_rng(0)
     signal = np.cumsum(random.standard_normal(200)) * 1e-4
-    meter = Accelerometer(
-        AccelerationSource(type="robust-differentiator", lipschitz=bound), DT, ["z"]
-    )
+    estimate = estimator(["z"], DT, type="robust-differentiator", lipschitz=bound)
     on = off = 0
     rate, value = 0.0, signal[0]
-    meter.measure(signal[:1], signal[:1])
+    estimate(signal[:1], signal[:1])
     for z in signal[1:]:
-        found = meter.measure(np.array([z]), np.array([0.0]))[0]
+        found = estimate(np.array([z]), np.array([0.0]))[0]
         n = (rate - found) / (1.1 * bound * DT)  # the sign that the second equation used
         assert abs(n) <= 1.0 + 1e-12
         if abs(n) < 1.0 - 1e-9:  # on the surface: sigma = 0
@@ -116,13 +114,9 @@ def test_levants_under_noise_is_as_good_as_its_theorem(size):
 
 def test_each_component_may_have_its_bound(youbot):
     bounds = [1.0, 10.0, 100.0, 1e3, 1e4]
-    meter = Accelerometer(
-        AccelerationSource(type="robust-differentiator", lipschitz=bounds),
-        DT,
-        youbot.velocity_names,
-    )
-    meter.measure(np.zeros(5), np.zeros(5))
-    jumped = meter.measure(np.full(5, 100.0), np.zeros(5))
+    estimate = estimator(youbot.velocity_names, DT, type="robust-differentiator", lipschitz=bounds)
+    estimate(np.zeros(5), np.zeros(5))
+    jumped = estimate(np.full(5, 100.0), np.zeros(5))
     assert np.allclose(jumped, 1.1 * DT * np.array(bounds))
 
 
@@ -136,6 +130,6 @@ def test_controller_hears_the_estimate_of_its_run(name):
     mm.simulate(
         robot, listener, "circle", duration=0.05, scenario=Scenario(name="s", acceleration=source)
     )
-    meter = Accelerometer(AccelerationSource(**source), DT, robot.velocity_names)
-    expected = [meter.measure(z, z) for z in listener.z]
+    estimate = estimator(robot.velocity_names, DT, **source)
+    expected = [estimate(z, z) for z in listener.z]
     assert np.array_equal(listener.z_dot, expected)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.settings import motors
 
 from mobman.errors import SpecError
-from mobman.simulation.disturbances.disturbance import disturbances
+from mobman.simulation.disturbances import disturbances
 from mobman.simulation.scenario import Scenario
 
 INERTIA = np.array([2.0, 0.5, 0.1])
@@ -14,7 +15,7 @@ INERTIA = np.array([2.0, 0.5, 0.1])
 
 def _start(*sources, seed=0, inertia=INERTIA):
     scenario = Scenario(name="test", disturbances=list(sources))
-    return scenario.disturbance(inertia, np.random.default_rng(seed))
+    return scenario.disturbance(motors(inertia, seed))
 
 
 SOURCES = {

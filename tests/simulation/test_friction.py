@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.runs import Torque
+from support.settings import setting
 from support.states import random_states
 
 import mobman as mm
@@ -21,7 +22,7 @@ BOTH = [
 
 def _plant(robot, *friction, disturbances=()):
     scenario = Scenario(name="s", friction=list(friction), disturbances=list(disturbances))
-    return scenario.plant(robot, robot, np.random.default_rng(0))
+    return scenario.plant(setting(robot), robot)
 
 
 def _torque(robot, q, z, plant):
@@ -136,8 +137,8 @@ def test_friction_too_steep_to_follow_is_refused(youbot):
 
 @pytest.mark.parametrize("scenario", ["friction", "realistic"])
 def test_shipped_friction_can_be_followed_by_every_robot(robot, scenario):
-    loaded, random = mm.load_scenario(scenario), np.random.default_rng(0)
-    plant = loaded.plant(robot, loaded.true_robot(robot, random), random)
+    loaded = mm.load_scenario(scenario)
+    plant = loaded.plant(setting(robot), loaded.true_robot(setting(robot)))
     assert 0.0 < plant.friction_decay(robot.q_rest) < 1000.0  # of 2500 at 1 ms
 
 

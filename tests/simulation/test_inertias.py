@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.settings import setting
 from support.states import random_states
 
 import mobman as mm
 from mobman.errors import SpecError
-from mobman.simulation.inertias.kinds.payload import carried_mass
+from mobman.simulation.inertias import carried_mass
 from mobman.simulation.scenario import Scenario
 
 
 def _true(robot, *pieces, seed=0, **fields):
     scenario = Scenario(name="s", inertias=list(pieces), **fields)
-    return scenario.true_robot(robot, np.random.default_rng(seed))
+    return scenario.true_robot(setting(robot, seed))
 
 
 def _links(**fields):
@@ -184,7 +185,7 @@ def test_pieces_act_one_after_the_other_and_before_the_payload_field(youbot):
 
 
 def test_nothing_changed_is_the_same_robot(youbot):
-    assert Scenario(name="s").true_robot(youbot, np.random.default_rng(0)) is youbot
+    assert Scenario(name="s").true_robot(setting(youbot)) is youbot
 
 
 def test_plant_may_be_a_scenario_with_random_links(youbot):

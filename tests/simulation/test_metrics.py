@@ -10,8 +10,8 @@ import pytest
 from support.runs import Still, Torque, hand_made_run
 
 import mobman as mm
-from mobman.simulation.metrics.metric import compute_metrics, list_metrics, metrics
-from mobman.simulation.plant import true_robot
+from mobman.simulation.inertias import true_robot
+from mobman.simulation.metrics import compute_metrics, list_metrics, metrics
 
 
 def _value(name, run):

@@ -8,7 +8,8 @@ import pytest
 from support.states import random_states
 
 import mobman as mm
-from mobman.simulation.plant import Plant, true_robot
+from mobman.simulation.inertias import true_robot
+from mobman.simulation.plant import Plant
 
 
 def _centre_of_mass(robot, q):

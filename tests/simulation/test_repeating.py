@@ -16,12 +16,12 @@ from support.runs import Still, Torque
 from support.variants import ROBOTS, description, toml, youbot_urdf
 
 import mobman as mm
+from mobman import provenance
 from mobman.controllers.protocol import controllers
 from mobman.errors import RecordError
 from mobman.robots import catalogue
-from mobman.simulation import provenance
-from mobman.simulation.plant import true_robot
-from mobman.simulation.repeat import repeat, verify
+from mobman.simulation.inertias import true_robot
+from mobman.simulation.rerun import repeat, verify
 from mobman.tasks.task import tasks
 from mobman.tasks.trajectories.circle import Circle
 

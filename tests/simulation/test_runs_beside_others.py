@@ -16,7 +16,7 @@ from support.runs import hand_made_run
 from threadpoolctl import threadpool_limits
 
 import mobman as mm
-from mobman.simulation.metrics.metric import metrics
+from mobman.simulation.metrics import metrics
 
 DURATION = 0.03
 RUNS = [

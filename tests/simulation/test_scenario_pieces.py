@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.settings import setting
 
 import mobman as mm
 from mobman.errors import SpecError
-from mobman.simulation.accelerometer import AccelerationSource
-from mobman.simulation.scenario import Scenario
+from mobman.simulation.scenario import AccelerationSource, Scenario
 
-RNG = np.random.default_rng
 UNEVEN = 0.1 + 0.2  # a float whose digits are needed in full
 
 ALL = {
@@ -196,6 +197,45 @@ def test_what_does_not_fit_the_robot_is_told(youbot, fields, named):
     assert "scenario 's'" in str(caught.value)
 
 
+# A new file --------------------------------------------------------------------------------------
+
+NEW_FILE = """
+from mobman.simulation.disturbances import Amplitude
+from mobman.simulation.metrics import metric
+from mobman.simulation.sensors import Sensor, sensors
+from mobman.simulation.pieces import Piece
+
+
+class Dead(Piece):
+    def start(self, setting):
+        sensor = Sensor()
+        sensor.state = lambda q, z: z.fill(0.0)
+        return sensor
+
+
+sensors.register("{name}", Dead)
+
+
+@metric("dead_ticks", "1", "number of ticks")
+def dead_ticks(run):
+    return len(run.t)
+"""
+
+
+@pytest.mark.parametrize(("file", "name"), [("dead_sensor", "dead-sensor"), ("mine", "dead")])
+def test_a_new_file_is_all_that_a_piece_and_a_metric_need(tmp_path, file, name):
+    """In the folder of the package, whatever it is called."""
+    (tmp_path / f"{file}.py").write_text(NEW_FILE.format(name=name), encoding="utf-8")
+    code = (
+        f"import mobman.simulation; mobman.simulation.__path__.append({str(tmp_path)!r})\n"
+        "import mobman as mm\n"
+        f"scenario = mm.Scenario(name='s', sensors=[{{'type': {name!r}}}])\n"
+        "record = mm.simulate('youbot', 'pseudo-inverse', 'circle', duration=0.01, scenario=scenario)\n"
+        "assert record.metrics['dead_ticks'] == 11\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
 # Composing -------------------------------------------------------------------------------------
 
 
@@ -248,10 +288,9 @@ def test_circle_is_told(tmp_path):
 def _signals(scenario, robot, seed=0):
     """Something of everything that is random."""
     scenario = Scenario(name="s", **scenario)
-    inertia = robot.motor_inertia(robot.q_rest)
-    masses = [link.mass for link in scenario.true_robot(robot, RNG(seed)).model.inertias]
-    push = scenario.disturbance(inertia, RNG(seed))
-    measured = scenario.measurement(robot, 1e-3, RNG(seed)).take(
+    masses = [link.mass for link in scenario.true_robot(setting(robot, seed)).model.inertias]
+    push = scenario.disturbance(setting(robot, seed))
+    measured = scenario.measurement(setting(robot, seed)).take(
         robot.q_rest, np.zeros(robot.nz), np.zeros(robot.nz)
     )
     return [np.array(masses), *([] if push is None else [push(0.7)]), *measured]
@@ -284,9 +323,8 @@ def test_another_piece_changes_no_stream(youbot, group):
 
 def test_two_of_a_kind_have_streams_of_their_own(youbot):
     first, second = RANDOM["disturbances"][0], {"type": "noise", "torque": 1.0, "band": [1.0, 5.0]}
-    inertia = youbot.motor_inertia(youbot.q_rest)
     once, twice = (
-        Scenario(name="s", disturbances=some).disturbance(inertia, RNG(0))(0.7)
+        Scenario(name="s", disturbances=some).disturbance(setting(youbot))(0.7)
         for some in ([first], [first, second])
     )
     assert not np.allclose(twice, 2.0 * once, atol=1e-2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.settings import setting
 
 import mobman as mm
 from mobman.errors import SpecError, UnknownNameError
@@ -31,9 +32,7 @@ def test_values_of_the_named_ones():
 
 
 def test_disturbed_pushes_every_motor(robot):
-    torque = mm.load_scenario("disturbed").disturbance(
-        robot.motor_inertia(robot.q_rest), np.random.default_rng(0)
-    )
+    torque = mm.load_scenario("disturbed").disturbance(setting(robot))
     values = np.array([torque(t) for t in np.arange(0.0, 10.0, 0.1)])
     assert np.all(np.ptp(values, axis=0) > 0.0)
 

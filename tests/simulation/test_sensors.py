@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.listening import Listener
+from support.settings import setting
 
 import mobman as mm
 from mobman.simulation.scenario import Scenario
@@ -14,7 +15,7 @@ DT = 1e-3
 
 def _measure(robot, *sensors, seed=0, acceleration="exact"):
     scenario = Scenario(name="s", sensors=list(sensors), acceleration=acceleration)
-    return scenario.measurement(robot, DT, np.random.default_rng(seed)).take
+    return scenario.measurement(setting(robot, seed, DT)).take
 
 
 def _errors(robot, ticks=4000, seed=0, **noise):

@@ -86,7 +86,7 @@ def metrics_of(record: mm.Record, *, work: float, constraint_residual: float, li
         limited: At which ticks the torque was cut.
     """
     from mobman.model.task_map import TaskMap
-    from mobman.simulation.metrics.metric import Run, compute_metrics
+    from mobman.simulation.metrics import Run, compute_metrics
     from mobman.tasks.criteria.posture import Posture
 
     robot = mm.load_robot(record.robot)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mobman.benchmark.report.content import ReportedRun
 from mobman.benchmark.run_spec import Cell
-from mobman.simulation.metrics.metric import list_metrics
+from mobman.simulation.metrics import list_metrics
 from mobman.simulation.record import Record
 
 

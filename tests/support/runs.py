@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mobman.model.task_map import TaskMap
-from mobman.simulation.metrics.metric import Run
+from mobman.simulation.metrics import Run
 from mobman.tasks.criteria.posture import Posture
 
 

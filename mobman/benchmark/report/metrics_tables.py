@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from mobman.benchmark.report.cells import CellRuns
 from mobman.benchmark.report.table import Table
 from mobman.benchmark.report.tables import metrics_table
-from mobman.simulation.metrics.metric import list_metrics
+from mobman.simulation.metrics import list_metrics
 
 _MOST = 40_000  # entries of all tables
 

@@ -31,7 +31,7 @@ from mobman.benchmark.report.overview_charts import (
 )
 from mobman.benchmark.report.svg.style_sheet import DARK, LIGHT, STYLE, look_style
 from mobman.benchmark.report.table import first_rows
-from mobman.simulation.metrics.metric import STEADY
+from mobman.simulation.metrics import STEADY
 
 _MOST_REPLAYS = 300  # rows
 _MOST_ENDINGS = 2_000  # rows

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from mobman.benchmark.report.content import ReportedRun
 from mobman.benchmark.report.format import UNDEFINED, count
 from mobman.benchmark.report.table import Entry, Row, Table, text
-from mobman.simulation.provenance import machine
+from mobman.provenance import machine
 
 UNKNOWN = "unknown"
 _FACTS = ("processor", "architecture", "system")

@@ -15,7 +15,7 @@ from mobman.benchmark.report.content import (
     UnusedFile,
 )
 from mobman.errors import MobmanError
-from mobman.simulation.temporary import temporary_beside
+from mobman.files import temporary_beside
 
 _FIGURES = "figures"
 

@@ -20,7 +20,7 @@ from mobman.benchmark.report.format import (
 )
 from mobman.benchmark.report.scores import worst_error
 from mobman.benchmark.report.table import Entry, Row, Table, heading, text
-from mobman.simulation.metrics.metric import Metric, list_metrics
+from mobman.simulation.metrics import Metric, list_metrics
 
 _SECTIONS = {
     "tracking": "Tracking",
@@ -88,7 +88,7 @@ def metrics_table(cell: CellRuns) -> Table:
     rows = [Row(text("outcome"), [text(""), *outcomes])]
     section = ""
     for metric in _known(cell.runs):
-        own = metric.function.__module__.rpartition(".")[2]
+        own = metric.section
         if own != section:
             section = own
             rows.append(heading(_SECTIONS.get(own, "Other")))
@@ -359,8 +359,7 @@ def _in_sections(metrics: Sequence[Metric]) -> list[Metric]:
     order = list(_SECTIONS)
 
     def place(metric: Metric) -> int:
-        section = metric.function.__module__.rpartition(".")[2]
-        return order.index(section) if section in order else len(order)
+        return order.index(metric.section) if metric.section in order else len(order)
 
     return sorted(metrics, key=place)  # stable: by name within a section
 

@@ -25,7 +25,7 @@ from mobman.benchmark.report.curves import CellCurves, MotorPart, RunCurves, Tra
 from mobman.benchmark.report.format import ended
 from mobman.benchmark.report.style import motor_looks
 from mobman.benchmark.statistics.scale import FLOOR
-from mobman.simulation.metrics.metric import STEADY
+from mobman.simulation.metrics import STEADY
 
 SUCCESS = 1e-4
 """The accuracy (m) that the paper asks for, and the metric ``success``."""

@@ -16,7 +16,7 @@ from mobman.benchmark.running.parcel import Parcel
 from mobman.benchmark.running.perform import perform
 from mobman.benchmark.running.place import Place
 from mobman.errors import MobmanError, UsageError
-from mobman.simulation.provenance import versions
+from mobman.provenance import versions
 
 _ANSWER = 5.0  # s, for a scheduler to answer in
 _LOGGERS = ("distributed", "distributed.client", "distributed.core", "distributed.utils")
@@ -206,7 +206,7 @@ def _by_value() -> tuple[
     def versions_there() -> dict[str, str]:
         """Of the libraries on a worker; none if it has no mobman."""
         try:
-            from mobman.simulation.provenance import versions
+            from mobman.provenance import versions
 
             return versions()
         except ImportError:

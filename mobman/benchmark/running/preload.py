@@ -13,9 +13,9 @@ from functools import cache
 
 import h5py
 
-import mobman.simulation.closed_loop  # noqa: F401
+import mobman.simulation.simulate  # noqa: F401
 from mobman.kernels.ahead import compile_ahead
-from mobman.simulation.metrics.metric import list_metrics
+from mobman.simulation.metrics import list_metrics
 
 
 @cache

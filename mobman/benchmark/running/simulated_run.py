@@ -5,9 +5,9 @@ from __future__ import annotations
 from mobman.benchmark.run_spec import RunSpec
 from mobman.controllers.protocol import Controller
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.closed_loop import simulate
 from mobman.simulation.record import Record
 from mobman.simulation.scenario import Scenario
+from mobman.simulation.simulate import simulate
 from mobman.tasks.task import make_task
 
 

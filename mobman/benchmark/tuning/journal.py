@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mobman.benchmark.tuning.trial import Trial
 from mobman.errors import MobmanError
-from mobman.simulation.temporary import temporary_beside
+from mobman.files import temporary_beside
 
 NAME = "trials.jsonl"
 

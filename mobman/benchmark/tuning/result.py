@@ -17,8 +17,8 @@ from mobman.benchmark.tuning.trial import Trial, best
 from mobman.benchmark.tuning.tuned_from import TunedFrom
 from mobman.benchmark.tuning.tuned_suite import tuned_suite
 from mobman.errors import MobmanError
-from mobman.simulation.provenance import versions
-from mobman.simulation.temporary import temporary_beside
+from mobman.files import temporary_beside
+from mobman.provenance import versions
 
 if TYPE_CHECKING:
     from mobman.benchmark.suite import Suite

@@ -9,8 +9,8 @@ import numpy as np
 from mobman.checks.check import Remark, check, does_not_apply, ok, some, warning, wrong
 from mobman.checks.circle import circle, is_within_reach
 from mobman.checks.subject import Subject
-from mobman.simulation.closed_loop import simulate
 from mobman.simulation.record import Record
+from mobman.simulation.simulate import simulate
 
 _DURATION = 1.0  # s
 _DIMENSION = 3  # of the tip's task

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from mobman.benchmark.tuning.objective import CEILING, Objective, mean_score, objectives
-from mobman.simulation.metrics.metric import metrics
+from mobman.simulation.metrics import metrics
 
 OWN = ("error", "error-chattering", "error-effort")
 

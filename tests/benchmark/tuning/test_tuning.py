@@ -27,7 +27,7 @@ from mobman.benchmark.tuning.objective import CEILING, Objective, objectives
 from mobman.benchmark.tuning.tune import tune_suite
 from mobman.cli.bench import bench
 from mobman.errors import MobmanError, SpecError
-from mobman.simulation.closed_loop import simulate
+from mobman.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ import mobman as mm
 from mobman.checks.run import run_checks
 from mobman.cli.robots_add import add
 from mobman.model.build import load_geometry
-from mobman.simulation.repeat import verify
+from mobman.simulation.rerun import verify
 from mobman.viewer.view import View, make_scene
 
 PLATFORM = {"type": "differential", "wheel_radius": 0.1}

@@ -1,0 +1,58 @@
+"""Provenance of a result: versions of everything whose numbers are in it, and the machine."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from mobman.version import __version__
+
+_LIBRARIES = ("pin", "example-robot-data", "numpy", "scipy", "numba", "h5py")
+
+
+COMPUTING = ("mobman", "python", "pin", "numpy", "scipy", "numba")
+"""Those of them that may change a run's last bits; the robots' URDFs are in the records."""
+
+
+def versions() -> dict[str, str]:
+    """Versions of mobman, Python and the libraries that compute."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    found = {"mobman": __version__, "python": platform.python_version()}
+    for library in _LIBRARIES:
+        try:
+            found[library] = version(library)
+        except PackageNotFoundError:  # Pinocchio from conda or ROS has another name there
+            found[library] = "unknown"
+    return found
+
+
+def machine() -> dict[str, str]:
+    """The processor's model, the architecture, and the system with its library of mathematics: what
+    the last bits of a run depend on in addition to the versions. Empty where the system does not say."""
+    return dict(_machine())
+
+
+@cache
+def _machine() -> dict[str, str]:
+    library = " ".join(platform.libc_ver()).strip() or platform.release()
+    return {
+        "processor": _processor(),
+        "architecture": platform.machine(),
+        "system": f"{platform.system()} ({library})",
+    }
+
+
+def _processor() -> str:
+    try:  # where there is such a file, it says more than `platform`
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor()

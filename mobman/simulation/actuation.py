@@ -1,0 +1,199 @@
+"""Actuation: from the commanded torque to the one that acts."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Self
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from mobman.arrays import Array
+from mobman.simulation.pieces import PACKAGE, Each, Piece, Setting, Types, entries, some_given
+
+_ROUNDING = 1e-6  # ticks: a delay as near to a whole number of them is that number
+
+
+class Stage:
+    """A piece at work: from the torques of the ticks to other torques of the ticks.
+
+    Attributes:
+        delay: By how much what comes out is late, in addition (s).
+        limited: Whether a limit changed the last torque.
+    """
+
+    delay: float = 0.0
+    limited: bool = False
+
+    def apply(self, torque: Array) -> Array:
+        """The torque that comes out at a tick; called once at every tick, v = 0 before the first.
+
+        Args:
+            torque: The torque that goes in (N m, N), shape (nz,); not to be written to.
+        """
+        return torque
+
+
+actuations = Types("actuation type", PACKAGE)
+"""Types of actuation; each starts as a :class:`Stage`, or None."""
+
+
+class ActuationChain:
+    """The pieces in their order, and their delays.
+
+    What a piece makes of the torques of the ticks does not depend on when they arrive, so all delays
+    together may come last.
+
+    Args:
+        stages: In the order of the signal.
+        dt: Sampling period (s).
+        nz: Number of motors.
+
+    Attributes:
+        split: How far into each tick a new torque arrives, as a fraction of the tick; 0 where the
+            delay is a whole number of ticks.
+        early: The torque that acts from the tick on, shape (nz,).
+        late: That from ``split`` on, shape (nz,).
+        limited: Whether a limit changed the torque that is commanded at this tick.
+    """
+
+    def __init__(self, stages: list[Stage], dt: float, nz: int) -> None:
+        self._stages = stages
+        ticks = math.fsum(stage.delay for stage in stages) / dt
+        whole = math.floor(ticks + _ROUNDING)
+        fraction = ticks - whole
+        self.split = fraction if fraction > _ROUNDING else 0.0
+        self._whole = whole
+        self._under_way: deque[Array] = deque()
+        self.early, self.late = np.zeros(nz), np.zeros(nz)
+        self.limited = False
+
+    def take(self, torque: Array) -> None:
+        """Command a torque, shape (nz,), at the next tick."""
+        self.limited = False
+        for stage in self._stages:
+            torque = stage.apply(torque)
+            self.limited |= stage.limited
+        self._under_way.append(torque.copy())
+        self.early = self.late
+        if len(self._under_way) > self._whole:
+            self.late = self._under_way.popleft()
+        if not self.split:
+            self.early = self.late
+
+    def mean(self) -> Array:
+        """The mean over the tick of the torque that acts, shape (nz,)."""
+        if not self.split:
+            return self.late
+        return self.split * self.early + (1.0 - self.split) * self.late
+
+
+class Delay(Piece):
+    """The command acts so much later, whether or not that is a whole number of ticks; v = 0
+    until the first command has arrived."""
+
+    delay: float = Field(ge=0)
+    """s."""
+
+    def start(self, setting: Setting) -> Stage | None:
+        """See :class:`Piece`."""
+        stage = Stage()
+        stage.delay = self.delay
+        return stage if self.delay > 0.0 else None
+
+
+class TorqueLevel(Piece):
+    """A torque for each motor, in one of several measures."""
+
+    torque: Each | None = None
+    """N m, N: a number for all motors or one for each."""
+    factor: float | None = Field(None, gt=0)
+    """Factor of the URDF's effort limits."""
+    acceleration: float | None = Field(None, gt=0)
+    """rad/s^2, m/s^2: what holds the robot still at its rest posture, and gives the motor's axis this
+    acceleration there. In addition to ``factor``, for the motors whose limit the URDF does not state."""
+
+    @field_validator("torque")
+    @classmethod
+    def _positive(cls, value: float | list[float] | None) -> float | list[float] | None:
+        if value is not None and np.min(value) <= 0.0:
+            raise ValueError("must be above 0")
+        return value
+
+    @model_validator(mode="after")
+    def _measure(self) -> Self:
+        some_given(
+            {"torque": self.torque, "factor": self.factor, "acceleration": self.acceleration}
+        )
+        if self.torque is not None and (self.factor is not None or self.acceleration is not None):
+            raise ValueError("give 'torque' alone, or 'factor' or 'acceleration' or both")
+        return self
+
+    def level(self, setting: Setting) -> Array:
+        """The torque of each motor (N m, N), shape (nz,); inf where nothing states one.
+
+        Raises:
+            SpecError: If a list has not one entry for each motor.
+        """
+        robot = setting.robot
+        if self.torque is not None:
+            return entries(self.torque, list(robot.velocity_names), "torque", "motors")
+        level = np.full(robot.nz, np.inf)
+        if self.acceleration is not None:
+            still = robot.dynamics(robot.q_rest, np.zeros(robot.nz))
+            holding = np.abs(np.linalg.solve(still.B, still.bias))
+            level = holding + self.acceleration * setting.inertia
+        if self.factor is not None:
+            limit = robot.limits.torque
+            level = np.where(np.isfinite(limit), self.factor * limit, level)
+        return level
+
+
+class Saturation(TorqueLevel):
+    """Each motor's torque stays between minus and plus its level."""
+
+    def start(self, setting: Setting) -> Stage | None:
+        """See :class:`Piece`."""
+        level = self.level(setting)
+        return _Clip(level) if np.isfinite(level).any() else None
+
+
+class RateLimit(TorqueLevel):
+    """Each motor's torque changes by at most dt / ``rise_time`` of its level from tick to tick."""
+
+    rise_time: float = Field(gt=0)
+    """From 0 to the level (s)."""
+
+    def start(self, setting: Setting) -> Stage | None:
+        """See :class:`Piece`."""
+        level = self.level(setting)
+        step = setting.dt / self.rise_time * level
+        return _Follow(step) if np.isfinite(level).any() else None
+
+
+class _Clip(Stage):
+    def __init__(self, level: Array) -> None:
+        self._level = level
+
+    def apply(self, torque: Array) -> Array:
+        clipped: Array = np.clip(torque, -self._level, self._level)
+        self.limited = bool((clipped != torque).any())
+        return clipped
+
+
+class _Follow(Stage):
+    def __init__(self, step: Array) -> None:
+        self._step = step
+        self._last = np.zeros_like(step)
+
+    def apply(self, torque: Array) -> Array:
+        # not the last plus a change: a torque within the limit comes through bit for bit
+        self._last = np.clip(torque, self._last - self._step, self._last + self._step)
+        self.limited = bool((self._last != torque).any())
+        return self._last
+
+
+actuations.register("delay", Delay)
+actuations.register("rate-limit", RateLimit)
+actuations.register("saturation", Saturation)

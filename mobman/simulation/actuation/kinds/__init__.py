@@ -1,1 +1,0 @@
-"""The kinds; each module registers its own."""

@@ -1,1 +1,0 @@
-"""How z' is known; each module of kinds registers its own."""

@@ -1,1 +1,0 @@
-"""Disturbance torques; each module registers the kinds it defines."""

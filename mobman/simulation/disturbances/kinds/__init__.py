@@ -1,1 +1,0 @@
-"""The kinds of disturbances; each module registers its own."""

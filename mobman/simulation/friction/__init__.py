@@ -1,1 +1,0 @@
-"""Friction on the motors' axes; each module of kinds registers its own."""

@@ -1,0 +1,186 @@
+"""Differences between the true links' masses and inertias and those that the controller supposes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fnmatch import fnmatchcase
+from typing import Annotated, Literal, Self
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field, model_validator
+
+from mobman.arrays import Array
+from mobman.errors import SpecError
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.simulation.pieces import PACKAGE, Piece, Setting, Triple, Types, some_given
+
+Change = Callable[[pin.Model], None]
+"""Changes the true robot's inertias in place."""
+
+inertias = Types("type of inertias", PACKAGE)
+"""Types of differences; each starts as a :data:`Change`."""
+
+
+class Links(Piece):
+    """Factors of the masses and inertias of some links, fixed or at random, and their balance.
+
+    Links that are fixed to each other move as one body and are treated as one. What results could be
+    built: a body's inertia about its centre of mass is scaled as a whole, and the centre is moved.
+    """
+
+    links: str | Annotated[list[str], Field(min_length=1)] = "*"
+    """Names of links or of the joints that move them; ``*``, ``?`` and ``[...]`` as in file names."""
+    part: Literal["all", "platform", "arm"] = "all"
+    """Only those of the arm or of the platform, whatever their names."""
+    mass_factor: float = Field(1.0, gt=0)
+    """Factor of each body's mass and inertia."""
+    mass_spread: float = Field(0.0, ge=0, lt=1)
+    """The mass factor times a number from [1 - spread, 1 + spread], for each body its own."""
+    inertia_factor: float = Field(1.0, gt=0)
+    """Factor of each body's inertia about its centre of mass, in addition to the mass factor."""
+    inertia_spread: float = Field(0.0, ge=0, lt=1)
+    """The inertia factor times such a number."""
+    centre_offset: Triple = [0.0, 0.0, 0.0]
+    """Shift of the centre of mass, in the axes of the joint that moves the body (m)."""
+    centre_spread: float = Field(0.0, ge=0)
+    """The centre of mass is also moved at random by up to so many of the body's radii of gyration,
+    along each axis."""
+
+    def start(self, setting: Setting) -> Change:
+        """See :class:`Piece`."""
+        chosen, random = self._chosen(setting.robot), setting.random
+
+        def change(model: pin.Model) -> None:
+            for i in range(1, model.njoints):
+                # drawn for all bodies, so that a choice of fewer leaves the others' as they are
+                mass_draw, inertia_draw, *shift = random.uniform(-1.0, 1.0, 5)
+                body = model.inertias[i]
+                if i not in chosen or body.mass <= 0.0:
+                    continue
+                mass = self.mass_factor * (1.0 + self.mass_spread * mass_draw)
+                turning = mass * self.inertia_factor * (1.0 + self.inertia_spread * inertia_draw)
+                gyration = np.sqrt(max(np.trace(body.inertia), 0.0) / (2.0 * body.mass))
+                spread = self.centre_spread * gyration * np.array(shift)
+                lever = body.lever + (np.array(self.centre_offset) + spread)
+                model.inertias[i] = pin.Inertia(body.mass * mass, lever, body.inertia * turning)
+
+        return change
+
+    def _chosen(self, robot: MobileManipulator) -> set[int]:
+        """The joints that move the chosen bodies.
+
+        Raises:
+            SpecError: If a name fits none.
+        """
+        model = robot.model
+        names = {i: {model.names[i]} for i in range(1, model.njoints) if model.inertias[i].mass > 0}
+        for frame in model.frames:
+            if frame.type == pin.FrameType.BODY and frame.parentJoint in names:
+                names[frame.parentJoint].add(frame.name)
+        patterns = [self.links] if isinstance(self.links, str) else self.links
+        chosen: set[int] = set()
+        for pattern in patterns:
+            fits = {i for i in names if any(fnmatchcase(name, pattern) for name in names[i])}
+            if not fits:
+                listing = ", ".join(sorted({name for some in names.values() for name in some}))
+                raise SpecError(
+                    f"field 'links': {pattern!r} fits no link that has a mass and no joint of robot "
+                    f"{robot.name!r}, which has {listing}"
+                )
+            chosen |= fits
+        arm = {int(i) for i in robot.arm_index}
+        moves_arm = {i for i in chosen if model.joints[i].idx_q in arm}
+        return {"all": chosen, "arm": moves_arm, "platform": chosen - moves_arm}[self.part]
+
+
+class Payload(Piece):
+    """A rigid body that is fixed to the tip, of which the controller does not know."""
+
+    mass: float | None = Field(None, ge=0)
+    """kg."""
+    share: float | None = Field(None, ge=0)
+    """Mass over that of the links between the platform and the tip: instead of ``mass``, for a
+    scenario that means the same to a small arm and to a large one."""
+    offset: Triple = [0.0, 0.0, 0.0]
+    """Centre of mass in the tip's frame (m)."""
+    inertia: Annotated[list[float], Field(min_length=3, max_length=6)] | None = None
+    """About the centre of mass, in the tip's axes (kg m^2): ixx, iyy, izz, or the six of a URDF, ixx,
+    ixy, ixz, iyy, iyz, izz. A point mass by default."""
+
+    @model_validator(mode="after")
+    def _physical(self) -> Self:
+        some_given({"mass": self.mass, "share": self.share}, most=1)
+        if self.inertia is None:
+            return self
+        if len(self.inertia) not in (3, 6):
+            raise ValueError("'inertia' has 3 entries (ixx, iyy, izz) or 6, as in a URDF")
+        moments = np.linalg.eigvalsh(self._tensor())
+        # no body has a moment above the sum of the others
+        if moments[0] < 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
+            listing = ", ".join(f"{moment:.3g}" for moment in moments)
+            raise ValueError(
+                f"'inertia' is that of no body: its principal moments are {listing} kg m^2; none may "
+                "be negative or above the sum of the others"
+            )
+        return self
+
+    def _tensor(self) -> Array:
+        if self.inertia is None:
+            return np.zeros((3, 3))
+        if len(self.inertia) == 3:
+            return np.diag(self.inertia)
+        xx, xy, xz, yy, yz, zz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def start(self, setting: Setting) -> Change | None:
+        """See :class:`Piece`."""
+        robot = setting.robot
+        mass = self.mass if self.share is None else self.share * carried_mass(robot)
+        if not mass:
+            return None
+        load = pin.Inertia(mass, np.array(self.offset), self._tensor())
+        return lambda model: add_to_tip(model, robot, load)
+
+
+def carried_mass(robot: MobileManipulator) -> float:
+    """Mass of the links between the platform and the tip (kg)."""
+    model, arm = robot.model, set(robot.arm_index)
+    chain = model.supports[model.frames[robot.tip_frame].parentJoint]
+    return float(sum(model.inertias[i].mass for i in chain if model.joints[i].idx_q in arm))
+
+
+def add_to_tip(model: pin.Model, robot: MobileManipulator, load: pin.Inertia) -> None:
+    """Fix a load, given in the tip's frame, to the tip of a robot's model."""
+    tip = model.frames[robot.tip_frame]
+    model.appendBodyToJoint(tip.parentJoint, load, tip.placement)
+
+
+def true_robot(
+    robot: MobileManipulator,
+    mass_factor: float = 1.0,
+    inertia_factor: float | None = None,
+    payload: float = 0.0,
+) -> MobileManipulator:
+    """The robot with other inertias; the same object if nothing changes.
+
+    Args:
+        robot: The nominal robot.
+        mass_factor: Factor of every link's mass.
+        inertia_factor: Factor of every link's inertia about its centre of mass; the mass's by default.
+        payload: Point mass at the tip (kg).
+    """
+    turning = mass_factor if inertia_factor is None else inertia_factor
+    if mass_factor == 1.0 and turning == 1.0 and payload == 0.0:
+        return robot
+    model = robot.model.copy()
+    for i in range(1, model.njoints):
+        link = model.inertias[i]
+        model.inertias[i] = pin.Inertia(link.mass * mass_factor, link.lever, link.inertia * turning)
+    if payload > 0.0:
+        add_to_tip(model, robot, pin.Inertia(payload, np.zeros(3), np.zeros((3, 3))))
+    return robot.with_model(model)
+
+
+inertias.register("links", Links)
+inertias.register("payload", Payload)

@@ -1,1 +1,0 @@
-"""In what the true links' masses and inertias differ; each module of kinds registers its own."""

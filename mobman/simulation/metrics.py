@@ -1,0 +1,345 @@
+"""Metrics: numbers that rate a run, computed from its samples at full rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mobman.arrays import Array
+from mobman.errors import SingularityError
+from mobman.model.criterion import Criterion
+from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.task_map import TaskMap
+from mobman.registry import Registry
+from mobman.simulation.pieces import PACKAGE
+from mobman.tasks.task import Task
+
+STEADY = 0.7
+"""The steady part of a run starts at this fraction of its duration."""
+
+_BATCH = 100  # Jacobians whose singular values are found in one call
+_PERIOD = 0.01  # s: between two evaluations of the extended Jacobian
+_REACHING = 1.0  # s: torque steps are judged after it
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run at full rate, as metrics see it; shapes as in :class:`Record`."""
+
+    completed: bool
+    """True if it went to its end."""
+    duration: float
+    """As requested (s)."""
+    dt: float
+    t: Array
+    q: Array
+    z: Array
+    torque: Array
+    """The torque that acts, which is not always the commanded one."""
+    task_error: Array
+    auxiliary_error: Array
+    compute_time: Array
+    work: float
+    """Integral of z^T (B v - D) over the run (J)."""
+    constraint_residual: float
+    """Largest |A(x) x'| at a tick (m/s)."""
+    robot: MobileManipulator
+    """The nominal robot."""
+    plant: MobileManipulator
+    """The true one."""
+    task: Task
+    task_map: TaskMap
+    criterion: Criterion
+    limited: NDArray[np.bool_] | None = None
+    """At which ticks the actuation cut the commanded torque, shape (N,); None if it never does."""
+
+    @property
+    def steady(self) -> Array:
+        """A mask of the samples in the steady part."""
+        return np.asarray(self.t >= STEADY * self.duration - 1e-9)
+
+    @property
+    def task_distance(self) -> Array:
+        """|e^e| at the ticks (m), shape (N,)."""
+        return np.asarray(np.linalg.norm(self.task_error, axis=1))
+
+
+Function = Callable[[Run], float]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number that rates a run."""
+
+    name: str
+    unit: str
+    description: str
+    better: str
+    """``"lower"``, ``"higher"`` or ``""`` where neither is better."""
+    function: Function
+    section: str = ""
+    """Heading under which reports show it: ``"tracking"``, ``"redundancy"``, ``"effort"``,
+    ``"consistency"``, ``"timing"``; others come last."""
+
+
+metrics: Registry[Metric] = Registry("metric", PACKAGE)
+
+
+def metric(
+    name: str,
+    unit: str,
+    description: str,
+    better: str = "lower",
+    *,
+    early: float | None = None,
+    section: str = "",
+) -> Callable[[Function], Function]:
+    """Decorator: register a function of a :class:`Run` as a metric.
+
+    Args:
+        name: Of the metric.
+        unit: SI, ``"1"`` for a pure number.
+        description: One line.
+        better: See :class:`Metric`.
+        early: The metric of a run that ended early, if the function is for completed ones only.
+        section: See :class:`Metric`.
+    """
+
+    def register(function: Function) -> Function:
+        def whole(run: Run) -> float:
+            return function(run) if early is None or run.completed else early
+
+        metrics.register(name, Metric(name, unit, description, better, whole, section))
+        return function
+
+    return register
+
+
+def list_metrics() -> list[Metric]:
+    """All metrics, sorted by name."""
+    return [metrics.get(name) for name in metrics.names()]
+
+
+def compute_metrics(run: Run) -> dict[str, float]:
+    """Every metric of a run."""
+    with np.errstate(all="ignore"):  # of a run that diverged some are infinite
+        return {item.name: float(item.function(run)) for item in list_metrics()}
+
+
+# Tracking ----------------------------------------------------------------------------------------
+
+_tracking = partial(metric, section="tracking")
+
+
+def _settling_time(run: Run, threshold: float) -> float:
+    above = np.flatnonzero(~(run.task_distance <= threshold))
+    if not run.completed or (len(above) and above[-1] == len(run.t) - 1):
+        return math.inf
+    return float(run.t[above[-1] + 1]) if len(above) else 0.0
+
+
+def _settling_time_to(threshold: str) -> None:
+    _tracking(
+        f"settling_time_{threshold}",
+        "s",
+        f"first time from which |e^e| stays below {threshold} m to the end",
+    )(lambda run: _settling_time(run, float(threshold)))
+
+
+for _threshold in ("1e-2", "1e-4", "1e-6"):
+    _settling_time_to(_threshold)
+
+
+@_tracking(
+    "success", "1", "1 if the run was completed and |e^e| settled below 1e-4 m, else 0", "higher"
+)
+def success(run: Run) -> float:
+    return float(math.isfinite(_settling_time(run, 1e-4)))
+
+
+@_tracking(
+    "task_error_max",
+    "m",
+    "largest |e^e| in the steady part; inf if the run ended early",
+    early=math.inf,
+)
+def task_error_max(run: Run) -> float:
+    return float(run.task_distance[run.steady].max())
+
+
+@_tracking(
+    "task_error_rms",
+    "m",
+    "root mean square of |e^e| in the steady part; inf if it ended early",
+    early=math.inf,
+)
+def task_error_rms(run: Run) -> float:
+    return float(np.sqrt(np.mean(run.task_distance[run.steady] ** 2)))
+
+
+@_tracking("task_error_final", "m", "|e^e| at the end; inf if the run ended early", early=math.inf)
+def task_error_final(run: Run) -> float:
+    return float(run.task_distance[-1])
+
+
+# Redundancy --------------------------------------------------------------------------------------
+
+_redundancy = partial(metric, section="redundancy")
+
+
+@_redundancy(
+    "auxiliary_error_max",
+    "1",
+    "largest |e^a| in the steady part; inf if the run ended early",
+    early=math.inf,
+)
+def auxiliary_error_max(run: Run) -> float:
+    return float(np.linalg.norm(run.auxiliary_error[run.steady], axis=1).max())
+
+
+@_redundancy(
+    "criterion_final",
+    "1",
+    "criterion F(q) at the end; inf if the run ended early",
+    early=math.inf,
+)
+def criterion_final(run: Run) -> float:
+    return run.criterion.value(run.q[-1])
+
+
+@_redundancy("lambda_min", "1", "least lambda_min(J J^T), extended Jacobian, every 10 ms", "higher")
+def lambda_min(run: Run) -> float:
+    """0 where the run met a kinematic singularity."""
+    every = max(1, round(_PERIOD / run.dt))
+    extended = ExtendedJacobian(run.robot, run.task_map, run.criterion)
+    least = math.inf
+    ticks = list(range(0, len(run.q), every))
+    for some in (ticks[i : i + _BATCH] for i in range(0, len(ticks), _BATCH)):
+        jacobians = np.empty((len(some), run.robot.nz, run.robot.nz))
+        for jacobian, tick in zip(jacobians, some, strict=True):
+            try:
+                extended.at(run.q[tick], run.z[tick])
+            except SingularityError:
+                return 0.0
+            jacobian[:] = extended.J
+        least = min(least, float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()) ** 2)
+    return least
+
+
+@_redundancy(
+    "repeatability",
+    "rad, m",
+    "distance of the arm's posture from the one a period before, at the end; NaN for open paths and "
+    "for runs shorter than a period",
+    early=math.nan,
+)
+def repeatability(run: Run) -> float:
+    """Between ticks the posture is interpolated, since a period is no whole number of them."""
+    period = getattr(run.task, "period", None)
+    if period is None or run.duration < period:
+        return math.nan
+    exact = (run.t[-1] - period) / run.dt
+    before = round(exact)
+    arm = run.robot.arm_index
+    # the nearest tick is up to dt/2 from a whole period: linear in between
+    fraction = exact - before
+    other = before + (1 if fraction > 0 else -1)
+    other = min(max(other, 0), len(run.t) - 1)
+    past = (1 - abs(fraction)) * run.q[before, arm] + abs(fraction) * run.q[other, arm]
+    return float(np.linalg.norm(run.q[-1, arm] - past))
+
+
+# Effort: motor by motor, since what is computed on the way should not be as large as the record --
+
+_effort = partial(metric, section="effort")
+
+
+@_effort("torque_energy", "N^2 m^2 s", "integral of |v|^2 over the run")
+def torque_energy(run: Run) -> float:
+    # not by BLAS, whose sum of a long column depends on how many threads it has
+    return sum(float(run.dt * np.square(motor[:-1]).sum()) for motor in run.torque.T)
+
+
+@_effort("torque_peak", "N m or N", "largest torque of any motor")
+def torque_peak(run: Run) -> float:
+    return max(float(run.torque.max()), -float(run.torque.min()))
+
+
+@_effort("torque_variation", "N m or N", "total variation of v, summed over the motors: chattering")
+def torque_variation(run: Run) -> float:
+    return sum(float(np.abs(np.diff(motor)).sum()) for motor in run.torque.T)
+
+
+@_effort(
+    "torque_rate_variation",
+    "N m/s or N/s",
+    "total variation of v' = (v_k+1 - v_k)/dt, summed likewise",
+)
+def torque_rate_variation(run: Run) -> float:
+    return sum(float(np.abs(np.diff(motor, n=2)).sum()) for motor in run.torque.T) / run.dt
+
+
+@_effort("torque_step", "1", "largest step of a torque from tick to tick after 1 s, over its peak")
+def torque_step(run: Run) -> float:
+    late = run.t[1:] > _REACHING
+    steps = [np.abs(np.diff(motor))[late].max(initial=0.0) for motor in run.torque.T]
+    peak = torque_peak(run)
+    return float(max(steps) / peak) if peak > 0.0 else 0.0
+
+
+@metric("saturation_share", "1", "share of the ticks at which a limit cut a commanded torque")
+def saturation_share(run: Run) -> float:
+    return 0.0 if run.limited is None else float(np.mean(run.limited))
+
+
+@metric(
+    "saturation_start",
+    "s",
+    "first time at which a limit cut a commanded torque; the duration asked for if none did",
+    "higher",
+)
+def saturation_start(run: Run) -> float:
+    if run.limited is None or not run.limited.any():
+        return run.duration
+    return float(run.t[np.argmax(run.limited)])
+
+
+# Consistency of the simulation, and cost of a control step ---------------------------------------
+
+_consistency = partial(metric, section="consistency")
+
+
+@_consistency("constraint_residual", "m/s", "largest |A(x) x'| at the ticks")
+def constraint_residual(run: Run) -> float:
+    return run.constraint_residual
+
+
+@_consistency(
+    "energy_residual",
+    "1",
+    "|energy gained - work done|, over the largest of |energy gained|, |work done| and 1 J; NaN for "
+    "runs that ended early",
+    early=math.nan,
+)
+def energy_residual(run: Run) -> float:
+    gained = run.plant.energy(run.q[-1], run.z[-1]) - run.plant.energy(run.q[0], run.z[0])
+    return abs(gained - run.work) / max(abs(gained), abs(run.work), 1.0)
+
+
+_timing = partial(metric, section="timing")
+
+
+@_timing("compute_time_median", "s", "median time that the controller took for a tick")
+def compute_time_median(run: Run) -> float:
+    return float(np.median(run.compute_time))
+
+
+@_timing("compute_time_p99", "s", "99th percentile of the same")
+def compute_time_p99(run: Run) -> float:
+    return float(np.percentile(run.compute_time, 99))

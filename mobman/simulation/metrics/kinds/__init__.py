@@ -1,1 +1,0 @@
-"""The metrics; each module registers its own."""

@@ -1,0 +1,306 @@
+"""Simulation of a closed loop, from the request to the record."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from mobman.arrays import LARGEST, SMALLEST, Array
+from mobman.controllers.protocol import Controller, make_controller
+from mobman.errors import UnknownNameError, UsageError
+from mobman.model.build import load_robot
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.task_map import TaskMap
+from mobman.provenance import versions
+from mobman.simulation.loop import Loop, Observer
+from mobman.simulation.metrics import Run, compute_metrics
+from mobman.simulation.pieces import Setting
+from mobman.simulation.record import Record
+from mobman.simulation.record_file import APPLIED
+from mobman.simulation.run_spec import GivenPlant, run_spec, urdfs_of_run
+from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
+from mobman.tasks.task import Task, make_task, task_map_of
+
+_MOST_TICKS = 10_000_000  # a run keeps some 50 numbers of 8 bytes a tick: 4 GB
+_LONGEST = 1e6  # s: in integration steps of at most 1 ms some hours of computing
+
+
+def simulate(
+    robot: MobileManipulator | str | os.PathLike[str],
+    controller: Controller | str,
+    task: Task | str,
+    *,
+    duration: float,
+    dt: float = 1e-3,
+    q0: Array | None = None,
+    plant: GivenPlant = None,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+    observe: Observer | None = None,
+    observe_every: float = 1.0 / 60.0,
+) -> Record:
+    """Run a closed loop and record it.
+
+    The torque is computed every ``dt`` and held while the plant is integrated (RK4, steps of at most
+    1 ms). The robot starts at rest with v = 0. A run that diverges, or meets a singularity that its
+    law cannot pass, ends there: the record says when and why.
+
+    Args:
+        robot: The robot that the controller supposes; by name, TOML file or object.
+        controller: By name, with default gains, or an object; see :class:`Controller`.
+        task: By name or object; see :class:`Task`.
+        duration: s.
+        dt: Sampling period (s).
+        q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
+        plant: The true robot: an object, or the scenario (or its name) whose masses, inertias and
+            payload it has. By default the robot, with those of ``scenario``.
+        scenario: How the plant and its sensors differ from what the controller supposes; by name,
+            TOML file or object. Nominal by default.
+        seed: Of all randomness in the scenario.
+        progress: Called with the fraction done, about a hundred times.
+        observe: Called with t, q, z and the torque, copies of them, as the run goes.
+        observe_every: How much simulated time there is from one call to the next (s), to the nearest
+            tick.
+
+    Raises:
+        UnknownNameError: If a name is not registered.
+        UsageError: If an argument makes no sense.
+    """
+    if not isinstance(robot, MobileManipulator):
+        robot = load_robot(robot)
+    law = _controller(controller)
+    duration, dt = seconds("duration", duration), seconds("dt", dt)
+    ticks = whole_ticks(duration, dt)
+    stride = max(1, round(seconds("observe_every", observe_every) / dt))
+    seed = _seed(seed)
+    start = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
+    aim = make_task(task, robot, start) if isinstance(task, str) else task
+    differences = _scenario(scenario)
+    setting = Setting(robot, dt, np.random.default_rng(seed))
+    true = true_plant(setting, plant, differences)
+    loop = Loop(
+        robot=robot,
+        controller=law,
+        task=aim,
+        task_map=_task_map(aim, robot),
+        plant=differences.plant(setting, true),
+        measurement=differences.measurement(setting),
+        actuation=differences.actuation_chain(setting),
+        q0=start,
+        ticks=ticks,
+        dt=dt,
+        progress=progress,
+        observe=observe,
+        stride=stride,
+    )
+    loop.run()
+    spec = run_spec(
+        robot=robot,
+        controller=(controller, law),
+        task=(task, aim),
+        plant=(plant, true),
+        scenario=differences,
+        duration=duration,
+        dt=dt,
+        q0=start,
+        seed=seed,
+    )
+    return _record(loop, differences.name, spec, urdfs_of_run(robot, plant))
+
+
+def seconds(name: str, value: float) -> float:
+    """A duration as a float.
+
+    Raises:
+        UsageError: If it is not a number above 0, or of a size that is not allowed.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if isinstance(value, str) or not SMALLEST <= number <= LARGEST:
+        raise UsageError(
+            f"{name} = {value!r}: must be a number above 0, from {SMALLEST:g} to {LARGEST:g} s"
+        )
+    return number
+
+
+def whole_ticks(duration: float, dt: float) -> int:
+    """The number of periods in a run.
+
+    Raises:
+        UsageError: If there is none, or there are too many.
+    """
+    if duration > _LONGEST:
+        raise UsageError(f"duration = {duration:g} s; allowed: up to {_LONGEST:g} s")
+    ticks = round(duration / dt)
+    if not 1 <= ticks <= _MOST_TICKS:
+        raise UsageError(
+            f"duration = {duration:g} s at dt = {dt:g} s is {duration / dt:.3g} ticks; allowed: 1 to "
+            f"{_MOST_TICKS:g}"
+        )
+    return ticks
+
+
+def true_plant(setting: Setting, plant: GivenPlant, scenario: Scenario) -> MobileManipulator:
+    """The true robot: the nominal one, or the one given, with the scenario's masses and payload.
+
+    Args:
+        setting: With the nominal robot.
+        plant: As given to :func:`simulate`.
+        scenario: Gives the masses and payload, if ``plant`` is no other scenario.
+
+    Raises:
+        UnknownNameError: If a plant is named that is no scenario.
+        UsageError: If it has other joints, or is nothing of the kind.
+        SpecError: If a piece of the scenario does not fit the robot.
+    """
+    base, changes = setting.robot, scenario
+    if isinstance(plant, MobileManipulator):
+        if plant.joint_names != base.joint_names:
+            raise UsageError(f"the plant {plant.name!r} has other joints than {base.name!r}")
+        base = plant
+    elif isinstance(plant, Scenario):
+        changes = plant
+    elif isinstance(plant, (str, os.PathLike)):
+        text = os.fspath(plant)
+        if text not in list_scenarios() and not text.endswith(".toml"):
+            raise UnknownNameError("plant", text, list_scenarios())
+        changes = load_scenario(text)
+    elif plant is not None:
+        raise UsageError(
+            f"plant = {plant!r}: must be a robot, a scenario, a scenario's name or its file"
+        )
+    return changes.true_robot(Setting(base, setting.dt, setting.random))
+
+
+def _seed(seed: int) -> int:
+    """A seed as a plain int.
+
+    Raises:
+        UsageError: If it is no whole number from 0 to 2^63 - 1.
+    """
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+        raise UsageError(f"seed = {seed!r}: must be a whole number from 0 to 2^63 - 1")
+    return int(seed)
+
+
+def _controller(controller: Controller | str) -> Controller:
+    """A controller by name, with default gains, or as it is.
+
+    Raises:
+        UnknownNameError: If there is no such name.
+        UsageError: If it is neither a name nor a controller.
+    """
+    if isinstance(controller, str):
+        return make_controller(controller)
+    if isinstance(controller, type) or not isinstance(controller, Controller):
+        raise UsageError(
+            f"{controller!r} is no controller: it needs reset(robot, task, dt) and "
+            "step(t, q, z, z_dot) -> torque"
+        )
+    return controller
+
+
+def _scenario(scenario: Scenario | str | os.PathLike[str] | None) -> Scenario:
+    """A scenario from whatever form the user has it in; the nominal one by default.
+
+    Raises:
+        UnknownNameError: If there is no such name.
+        UsageError: If it is neither a scenario nor a name.
+    """
+    if isinstance(scenario, Scenario):
+        return scenario
+    if scenario is not None and not isinstance(scenario, (str, os.PathLike)):
+        raise UsageError(f"scenario = {scenario!r}: must be a scenario, its name or its file")
+    return load_scenario("nominal" if scenario is None else scenario)
+
+
+def _task_map(task: Task, robot: MobileManipulator) -> TaskMap:
+    """The task map of a task that the robot has enough degrees of freedom for.
+
+    Raises:
+        UsageError: If it has not, or the task gives no such vectors.
+    """
+    task_map = task_map_of(task)
+    if robot.nz < task_map.m:
+        raise UsageError(
+            f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {task_map.m}"
+        )
+    return task_map
+
+
+def _record(loop: Loop, scenario: str, spec: dict[str, Any], urdf: dict[str, bytes]) -> Record:
+    """The record of a run that is over."""
+    samples, controller, robot = loop.samples, loop.controller, loop.robot
+    run = _run_of(loop)
+    n = samples.count
+    settings: dict[str, Any] = getattr(controller, "settings", dict)()
+    signals = {name: values[:n] for name, values in samples.signals.items()}
+    if samples.applied is not None:
+        signals[APPLIED] = run.torque
+    law, task = _name_of(controller), _name_of(loop.task)
+    return Record(
+        t=run.t,
+        q=run.q,
+        z=run.z,
+        torque=samples.torque[:n],
+        tip_position=samples.tip[:n],
+        tip_desired=samples.desired[:n],
+        task_error=run.task_error,
+        auxiliary_error=run.auxiliary_error,
+        compute_time=run.compute_time,
+        signals=signals,
+        metrics=compute_metrics(run),
+        status=samples.status,
+        message=samples.message,
+        robot=robot.name,
+        controller=law,
+        task=task,
+        scenario=scenario,
+        seed=spec["seed"],
+        spec={"controller": law, "task": task, **spec},
+        settings=settings,
+        versions=versions(),
+        urdf_sha256=robot.urdf.sha256(),
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        joint_names=list(robot.joint_names),
+        velocity_names=list(robot.velocity_names),
+        urdf=urdf,
+    )
+
+
+def _run_of(loop: Loop) -> Run:
+    """The run as metrics see it."""
+    samples = loop.samples
+    n = samples.count
+    return Run(
+        completed=samples.status == "ok",
+        duration=loop.ticks * loop.dt,
+        dt=loop.dt,
+        t=np.arange(n, dtype=float) * float(loop.dt),
+        q=samples.q[:n],
+        z=samples.z[:n],
+        torque=(samples.torque if samples.applied is None else samples.applied)[:n],
+        task_error=samples.tip[:n] - samples.desired[:n],
+        auxiliary_error=samples.auxiliary[:n],
+        compute_time=samples.compute_time[:n],
+        work=samples.work,
+        constraint_residual=loop.constraint_residual,
+        robot=loop.robot,
+        plant=loop.plant.robot,
+        task=loop.task,
+        task_map=loop.task_map,
+        criterion=loop.criterion,
+        limited=None if samples.limited is None else samples.limited[:n],
+    )
+
+
+def _name_of(thing: object) -> str:
+    return str(getattr(thing, "name", type(thing).__name__))

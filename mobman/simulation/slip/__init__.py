@@ -1,1 +1,0 @@
-"""How the platform slips; each module of kinds registers its own."""

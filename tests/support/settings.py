@@ -1,0 +1,27 @@
+"""Settings in which pieces of a scenario start."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from mobman.simulation.pieces import Setting
+from mobman.simulation.scenario import AccelerationSource
+
+
+def setting(robot, seed=0, dt=1e-3):
+    """That of a run with a robot."""
+    return Setting(robot, dt, np.random.default_rng(seed))
+
+
+def motors(inertia, seed=0):
+    """That of a robot of which only the motors' inertias are known."""
+    robot = SimpleNamespace(q_rest=None, motor_inertia=lambda q: np.asarray(inertia))
+    return setting(robot, seed)
+
+
+def estimator(names, dt, **source):
+    """An estimator of z' for a robot with such velocities."""
+    robot = SimpleNamespace(velocity_names=list(names))
+    return AccelerationSource(**source).resolved().start(setting(robot, dt=dt))
