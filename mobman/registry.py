@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import importlib
-import inspect
 import pkgutil
+import sys
 import warnings
-from importlib.metadata import entry_points
-from typing import Generic, TypeVar
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, TypeVar, overload
 
 from mobman.errors import FOREIGN_ERRORS, UnknownNameError
 
 T = TypeVar("T")
+D = TypeVar("D")
 
 
 class Registry(Generic[T]):
     """Names to things of one kind.
 
     The modules of ``package`` are imported at the first look-up and register what they define;
-    installed packages add theirs by entry points of ``group``, loaded only when asked for.
+    installed packages add theirs by entry points of ``group``, loaded only when asked for. What is
+    registered from elsewhere comes before both.
 
-    Threads may look up at once, also for the first time: each imports what it needs, for which Python
-    has a lock for every module, and none waits for anything else.
+    Threads may look up and register at once: registering imports nothing, and Python has a lock for
+    every module that a look-up imports.
 
     Args:
         kind: What the things are called in messages, for instance ``"controller"``.
@@ -33,25 +36,40 @@ class Registry(Generic[T]):
         self.kind = kind
         self._package = package
         self._group = group
-        self._items: dict[str, T] = {}
+        self._own: dict[str, T] = {}  # of the package's modules
+        self._items: dict[str, T] = {}  # registered from elsewhere
         self._discovered = False
 
-    def register(self, name: str, item: T) -> T:
-        """Add ``item`` under ``name``, replacing what had the name."""
-        if not self._imports():
-            self._discover()  # or what it finds would replace the item later
-        self._items[name] = item
-        return item
+    @overload
+    def register(self, name: str, *, module: str | None = None) -> Callable[[D], D]: ...
+    @overload
+    def register(self, name: str, item: T, *, module: str | None = None) -> T: ...
+    def register(self, name: str, item: Any = None, *, module: str | None = None) -> Any:
+        """Add ``item`` under ``name``, replacing what had the name.
+
+        Args:
+            name: The name.
+            item: The thing; without it, a decorator that adds what it decorates is returned.
+            module: Module that defines the thing; that of the caller by default.
+        """
+        module = module or str(sys._getframe(1).f_globals.get("__name__"))
+        # a later import of the package's modules must not replace what others have registered
+        table = self._own if module.startswith(f"{self._package}.") else self._items
+
+        def add(thing: Any) -> Any:
+            table[name] = thing
+            return thing
+
+        return add if item is None else add(item)
 
     def names(self) -> list[str]:
         """All names, sorted; third-party ones without loading their packages."""
-        self._discover()
-        return sorted({*self._items, *self._plugins()})
+        return sorted({*self.loaded(), *self._plugins()})
 
     def loaded(self) -> dict[str, T]:
         """The things of this process by name: third-party ones only if they were asked for."""
         self._discover()
-        return dict(self._items)
+        return {**self._own, **self._items}
 
     def get(self, name: str) -> T:
         """The thing of that name.
@@ -59,10 +77,10 @@ class Registry(Generic[T]):
         Raises:
             UnknownNameError: If there is none; the message gives the nearest names.
         """
-        self._import_namesake(name)
-        if name in self._items:
-            return self._items[name]
-        self._discover()
+        if name not in self._items and name not in self._own:
+            self._discover()
+        if name not in self._items and name in self._own:
+            return self._own[name]
         if name not in self._items and name in (plugins := self._plugins()):
             try:
                 self._items[name] = plugins[name].load()
@@ -76,34 +94,10 @@ class Registry(Generic[T]):
             raise UnknownNameError(self.kind, str(name), set(self.names()) - {name})
         return self._items[name]
 
-    def _plugins(self) -> dict:  # type: ignore[type-arg]
+    def _plugins(self) -> dict[str, EntryPoint]:
         if self._group is None:
             return {}
         return {point.name: point for point in entry_points(group=self._group)}
-
-    def _import_namesake(self, name: str) -> None:
-        """Import the module that is called as the thing, if there is one: most often the right one."""
-        module = str(name).replace("-", "_")
-        if self._discovered or not module.isidentifier():
-            return
-        try:
-            importlib.import_module(f"{self._package}.{module}")
-        except ModuleNotFoundError as error:
-            if error.name != f"{self._package}.{module}":
-                raise
-
-    def _imports(self) -> bool:
-        """Whether this thread is importing a module of the package.
-
-        To import the others on the way would let two threads wait for each other's.
-        """
-        frame = inspect.currentframe()
-        while frame is not None:
-            name = str(frame.f_globals.get("__name__"))
-            if frame.f_code.co_name == "<module>" and name.startswith(self._package + "."):
-                return True
-            frame = frame.f_back
-        return False
 
     def _discover(self) -> None:
         if self._discovered:

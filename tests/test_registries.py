@@ -28,7 +28,7 @@ ENDS = Ends()
 
 @pytest.fixture
 def things():
-    return Registry("thing", "mobman.tasks.trajectories", "mobman.test_things")
+    return Registry("thing", "mobman.tasks", "mobman.test_things")
 
 
 @pytest.fixture
@@ -49,6 +49,15 @@ def test_registered_thing_is_found_and_listed(things):
     things.register("a", 1)
     assert things.names() == ["a", "b"]
     assert things.get("b") == 2
+
+
+def test_decorator_registers_what_it_decorates(things):
+    @things.register("a")
+    def a():
+        return 1
+
+    assert things.get("a") is a
+    assert a() == 1
 
 
 def test_later_one_replaces_the_earlier(things):

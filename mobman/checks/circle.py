@@ -11,8 +11,8 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.checks.subject import Subject
 from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.tasks.circle import Circle
 from mobman.tasks.task import make_task
-from mobman.tasks.trajectories.circle import Circle
 
 CLOSE = 1e-3
 """A point that the tip gets so near to (m) is in its reach."""

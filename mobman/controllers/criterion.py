@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mobman.controllers.gains import Diagonal, diagonal
+from mobman.model.criterion import Posture
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.tasks.criteria.posture import Posture
 
 
 def posture_criterion(robot: MobileManipulator, c_F: float, K_F: Diagonal | None) -> Posture:

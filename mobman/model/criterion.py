@@ -1,11 +1,16 @@
-"""What the extended Jacobian asks of a criterion F(q)."""
+"""Criteria F(q) that resolve the redundancy: their interface, and the posture criterion (12)."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
-from mobman.arrays import Array
+import numpy as np
+
+from mobman.arrays import Array, Matrix, Vector
+from mobman.errors import UsageError
+from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call
+from mobman.model.mobile_manipulator import MobileManipulator
 
 
 class Criterion(Protocol):
@@ -52,3 +57,90 @@ def criterion_steps(
         hessian_rate[:] = criterion.hessian_rate(q.copy(), q_dot.copy())
 
     return [call(evaluate)]
+
+
+class Posture:
+    r"""Distance from a preferred posture,
+    :math:`F = \tfrac{c_F}{2}\langle q - q_{rest}, K_F (q - q_{rest})\rangle` (12).
+
+    Args:
+        weights: Diagonal of K_F, shape (nq,), each above 0.
+        q_rest: Preferred posture, shape (nq,).
+        scale: c_F, above 0.
+        couplings: Off-diagonal part of K_F, symmetric and positive semi-definite, shape (nq, nq); see
+            :class:`mobman.robots.spec.Coupling`.
+
+    Raises:
+        UsageError: If a weight is not positive or the lengths differ.
+    """
+
+    def __init__(
+        self,
+        weights: Array,
+        q_rest: Array,
+        scale: float = 1.0,
+        couplings: Array | None = None,
+    ) -> None:
+        self.weights = np.asarray(weights, dtype=float)
+        self.q_rest = np.asarray(q_rest, dtype=float)
+        self.scale = float(scale)
+        if self.weights.shape != self.q_rest.shape:
+            raise UsageError(
+                f"posture criterion: K_F has {self.weights.size} weights, the rest posture "
+                f"{self.q_rest.size} coordinates"
+            )
+        if not (np.all(self.weights > 0) and self.scale > 0):
+            raise UsageError("posture criterion: c_F and every weight of K_F must be above 0")
+        self._diagonal = self.scale * self.weights
+        self._hessian = np.diag(self._diagonal)
+        self._coupled = couplings is not None and bool(np.any(couplings))
+        if couplings is not None:
+            self._hessian += self.scale * couplings
+
+    @classmethod
+    def of(cls, robot: MobileManipulator, scale: float = 1.0) -> Posture:
+        """The criterion with the weights and the rest posture of a robot's description."""
+        return cls(robot.criterion_weights, robot.q_rest, scale, robot.criterion_couplings)
+
+    def value(self, q: Array) -> float:
+        """F(q)."""
+        deviation = q - self.q_rest
+        return float(0.5 * deviation @ self._hessian @ deviation)
+
+    def gradient(self, q: Array) -> Array:
+        """c_F K_F (q - q_rest), shape (nq,)."""
+        gradient: Array = self._hessian @ (q - self.q_rest)
+        return gradient
+
+    def hessian(self, q: Array) -> Array:
+        """c_F K_F, shape (nq, nq)."""
+        return self._hessian.copy()
+
+    def hessian_rate(self, q: Array, q_dot: Array) -> Array:
+        """Zero, shape (nq, nq)."""
+        return np.zeros_like(self._hessian)
+
+    def steps(
+        self, q: Array, q_dot: Array, gradient: Array, hessian: Array, hessian_rate: Array
+    ) -> list[Call]:
+        """See :class:`Criterion`; H and H' are constant and written once, here."""
+        hessian[:] = self._hessian
+        hessian_rate[:] = 0.0
+        if self._coupled:
+            return [call(_coupled_gradient, self._hessian, q, self.q_rest, gradient)]
+        return [call(_gradient, self._diagonal, q, self.q_rest, gradient)]
+
+
+@kernel
+def _gradient(diagonal: Vector, q: Vector, q_rest: Vector, gradient: Vector) -> None:
+    for i in range(q.shape[0]):
+        gradient[i] = diagonal[i] * (q[i] - q_rest[i])
+
+
+@kernel
+def _coupled_gradient(K: Matrix, q: Vector, q_rest: Vector, gradient: Vector) -> None:
+    for i in range(q.shape[0]):
+        total = 0.0
+        for j in range(q.shape[0]):
+            total += K[i, j] * (q[j] - q_rest[j])
+        gradient[i] = total

@@ -16,7 +16,7 @@ from mobman.errors import MobmanError, SingularityError, UsageError
 from mobman.kernels.dense import dot
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call, program
-from mobman.model.criterion import Criterion
+from mobman.model.criterion import Criterion, Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.extended_kernels import GAUGE_LOST, SINGULAR
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -26,7 +26,6 @@ from mobman.simulation.integrator import TickIntegrator, divergence_reason, dive
 from mobman.simulation.plant import Plant, require_success
 from mobman.simulation.record_file import APPLIED, OWN_PLACES
 from mobman.simulation.sensors import Measurement
-from mobman.tasks.criteria.posture import Posture
 from mobman.tasks.task import Task, task_steps
 
 Observer = Callable[[float, Array, Array, Array], None]

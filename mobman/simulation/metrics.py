@@ -115,7 +115,8 @@ def metric(
         def whole(run: Run) -> float:
             return function(run) if early is None or run.completed else early
 
-        metrics.register(name, Metric(name, unit, description, better, whole, section))
+        item = Metric(name, unit, description, better, whole, section)
+        metrics.register(name, item, module=function.__module__)
         return function
 
     return register

@@ -37,6 +37,18 @@ GivenPlant = MobileManipulator | Scenario | str | os.PathLike[str] | None
 _NUMBERS = re.compile(r"[<>|=]?[biuf][1248]")
 _ROUNDING = 1e-9  # of the largest entry: what other processors and libraries may change
 _OWN_TASKS = "mobman.tasks."
+_FORMER = {
+    f"{_OWN_TASKS}trajectories.circle:Circle": f"{_OWN_TASKS}circle:Circle",
+    f"{_OWN_TASKS}paths.harmonics:Harmonics": f"{_OWN_TASKS}paths:Harmonics",
+    f"{_OWN_TASKS}paths.point_to_point:PointToPoint": f"{_OWN_TASKS}paths:PointToPoint",
+    f"{_OWN_TASKS}trajectories.kinematic_singularity:ToTheBoundary": (
+        f"{_OWN_TASKS}singular:SingularPath"
+    ),
+    f"{_OWN_TASKS}trajectories.algorithmic_singularity:ToTheFold": (
+        f"{_OWN_TASKS}singular:SingularPath"
+    ),
+}
+"""Classes of tasks by the names that older records have for them."""
 
 
 def run_spec(
@@ -442,6 +454,7 @@ def from_plain(plain: Any, allowed: Callable[[str], bool]) -> Any:
 
 
 def _class(name: str, allowed: Callable[[str], bool]) -> type[Any]:
+    name = _FORMER.get(name, name)
     module, _, path = name.partition(":")
     # the name is from a file: nothing is imported for it that the registries do not know
     if not allowed(module):

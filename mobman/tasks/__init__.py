@@ -1,1 +1,1 @@
-"""What is asked of a robot: trajectories of the tip, and criteria for its redundancy."""
+"""Tasks: desired trajectories of the tip."""

@@ -1,21 +1,29 @@
-"""What a task is, and the registry of those with names."""
+"""Interface of a task, the registry of those with names, and the parameters that they take."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, Protocol, runtime_checkable
+import difflib
+import inspect
+import sys
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Annotated, Any, NotRequired, Protocol, runtime_checkable
 
 import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+from typing_extensions import TypedDict
 
-from mobman.arrays import Array
+from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import UsageError
 from mobman.kernels.program import Call, call
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap, task_map_for
 from mobman.registry import Registry
-from mobman.tasks.parameters import Parameter, check, declared_parameters
 
 
 @runtime_checkable
@@ -36,7 +44,7 @@ class TaskFactory(Protocol):
     """Makes a named task for a robot at its start.
 
     What its signature has beyond these two are the task's parameters, each with the values that its
-    annotation allows (:mod:`mobman.tasks.parameters`).
+    annotation allows (:func:`parameter`).
     """
 
     def __call__(self, robot: MobileManipulator, q0: Array, /) -> Task:
@@ -44,7 +52,7 @@ class TaskFactory(Protocol):
         ...
 
 
-tasks: Registry[TaskFactory] = Registry("task", "mobman.tasks.trajectories", "mobman.tasks")
+tasks: Registry[TaskFactory] = Registry("task", "mobman.tasks", "mobman.tasks")
 
 
 def list_tasks() -> list[str]:
@@ -78,13 +86,61 @@ def make_task(
     return tasks.get(name)(robot, start, **checked)
 
 
+# Parameters ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter that a task takes."""
+
+    name: str
+    annotation: Any
+    default: Any
+    """As the factory's signature has it; None is by convention what the robot decides."""
+    required: bool
+    unit: str = ""
+    """As declared; empty if nothing is."""
+    meaning: str = ""
+    """As declared; empty if nothing is."""
+
+
+def parameter(unit: str, meaning: str, **bounds: Any) -> Any:
+    """What the annotation of a task's parameter says of it.
+
+    Args:
+        unit: Its unit, ``"1"`` if it has none.
+        meaning: What it is.
+        **bounds: What pydantic's ``Field`` takes: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ...
+    """
+    return Field(description=meaning, json_schema_extra={"unit": unit}, **bounds)
+
+
+def _not_zero(value: float | None) -> float | None:
+    if value == 0.0:
+        raise ValueError("must not be 0")
+    return value
+
+
+NOT_ZERO = AfterValidator(_not_zero)
+"""Annotation of a parameter that may be positive or negative."""
+
+
+def _of_a_size(value: Any) -> Any:
+    if beyond_sizes(value):
+        raise ValueError(f"must be {SIZES}")
+    return value
+
+
+_OF_A_SIZE = AfterValidator(_of_a_size)
+
+
 def parameters_of(name: str) -> list[Parameter]:
     """The parameters that a named task takes.
 
     Raises:
         UnknownNameError: If no task has the name.
     """
-    return list(declared_parameters(tasks.get(name)).values())
+    return list(_declared(tasks.get(name))[0].values())
 
 
 def check_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -98,7 +154,85 @@ def check_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]
         UnknownNameError: If no task has the name.
         UsageError: With everything that is wrong: unknown parameters and values that are not allowed.
     """
-    return check(name, tasks.get(name), parameters)
+    allowed, open_ended = _declared(tasks.get(name))
+    fields = {}
+    for item in allowed.values():
+        annotation = Annotated[item.annotation, _OF_A_SIZE]  # type: ignore[name-defined]
+        fields[item.name] = annotation if item.required else NotRequired[annotation]
+    given = TypedDict("given", fields)  # type: ignore[misc]  # its fields are known here only
+    given.__pydantic_config__ = ConfigDict(  # type: ignore[attr-defined]
+        strict=True,
+        allow_inf_nan=False,
+        arbitrary_types_allowed=True,
+        extra="allow" if open_ended else "forbid",
+    )
+    try:
+        return dict(TypeAdapter(given).validate_python(dict(parameters)))
+    except ValidationError as error:
+        faults: dict[str, list[Any]] = {}
+        for fault in error.errors():
+            faults.setdefault(str(fault["loc"][0]), []).append(fault)
+        names = sorted(faults, key=lambda key: bool(faults[key][0]["type"] == "missing"))
+        problems = [_problem(key, parameters.get(key), faults[key], allowed) for key in names]
+        raise UsageError(f"task {name!r}: {'; '.join(problems)}") from None
+
+
+def _problem(name: str, value: Any, faults: list[Any], allowed: Mapping[str, Parameter]) -> str:
+    if name not in allowed:
+        near = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        return f"parameter {name!r} is unknown; {hint}allowed: {', '.join(allowed) or 'none'}"
+    if faults[0]["type"] == "missing":
+        return f"parameter {name!r} is missing"
+    reasons = {
+        fault["msg"].removeprefix("Value error, ")
+        + "".join(f" (entry {part})" for part in fault["loc"] if isinstance(part, int)): None
+        for fault in faults
+    }
+    text, unit = repr(value), allowed[name].unit
+    text = text if len(text) <= 60 else text[:57] + "..."
+    unit = f" ({unit})" if unit not in ("", "1") else ""
+    return f"parameter {name!r}{unit} is {text}: {', '.join(reasons)}"
+
+
+def _declared(factory: Callable[..., Any]) -> tuple[dict[str, Parameter], bool]:
+    """What a factory's signature has after the robot and q0, and whether it takes anything else."""
+    try:
+        signature = inspect.signature(factory).parameters.values()
+    except (TypeError, ValueError):  # some callables of other languages have no signature
+        return {}, False
+    found, open_ended = {}, False
+    for i, item in enumerate(signature):
+        if item.kind is item.VAR_KEYWORD:
+            open_ended = True
+        elif item.kind is item.KEYWORD_ONLY or (i > 1 and item.kind is item.POSITIONAL_OR_KEYWORD):
+            annotation, required = _type_of(factory, item), item.default is item.empty
+            declared = FieldInfo.from_annotation(annotation)
+            extra = declared.json_schema_extra
+            found[item.name] = Parameter(
+                item.name,
+                annotation,
+                default=None if required else item.default,
+                required=required,
+                unit=str(extra.get("unit", "")) if isinstance(extra, dict) else "",
+                meaning=declared.description or "",
+            )
+    return found, open_ended
+
+
+def _type_of(factory: Callable[..., Any], item: inspect.Parameter) -> Any:
+    if item.annotation is item.empty:
+        return Any
+    module = sys.modules.get(getattr(factory, "__module__", ""), None)
+    names = getattr(factory, "__globals__", None) or vars(module or SimpleNamespace())
+    alone = SimpleNamespace(__annotations__={item.name: item.annotation})
+    try:
+        return typing.get_type_hints(alone, names, include_extras=True)[item.name]
+    except NameError:  # known to type checkers only
+        return Any
+
+
+# What others ask of a task ---------------------------------------------------------------------------
 
 
 def task_steps(task: Task, t: Array, p_d: Array) -> list[Call]:
@@ -129,7 +263,7 @@ def task_map_of(task: Task) -> TaskMap:
     """
     if not isinstance(task, Task):
         raise UsageError(
-            f"{task!r} is no task: it needs a method desired(t) -> (p_d, p_d', p_d'', p_d''')"
+            f"{task!r} is not a task: expected a method desired(t) -> (p_d, p_d', p_d'', p_d''')"
         )
     parts = task.desired(0.0)
     shapes = [np.shape(part) for part in parts] if isinstance(parts, (tuple, list)) else []

@@ -9,8 +9,8 @@ from support.variants import description
 
 import mobman as mm
 from mobman.checks.run import run_checks
+from mobman.tasks.circle import Circle
 from mobman.tasks.task import tasks
-from mobman.tasks.trajectories.circle import Circle
 
 TYPES = ["unicycle", "differential", "skid-steer", "car-like", "mecanum", "omni", "fixed"]
 

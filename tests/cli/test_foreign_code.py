@@ -9,7 +9,7 @@ import sys
 import pytest
 
 PLUGIN = """
-from mobman.tasks.trajectories.line import line
+from mobman.tasks.line import line
 
 
 class Law:

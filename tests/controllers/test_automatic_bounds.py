@@ -8,7 +8,7 @@ import pytest
 import mobman as mm
 from mobman.controllers.sliding.bounds import sampled_states
 from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
-from mobman.tasks.criteria.posture import Posture
+from mobman.model.criterion import Posture
 
 
 def _settings(law, robot, task, **gains):

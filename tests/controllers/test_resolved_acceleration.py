@@ -9,8 +9,8 @@ from support.states import random_states
 import mobman as mm
 from mobman.controllers.computed_torque import computed_torque
 from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.model.criterion import Posture
 from mobman.simulation.plant import Plant
-from mobman.tasks.criteria.posture import Posture
 
 T = 0.7
 

@@ -11,9 +11,9 @@ from support.differences import derivative, relative
 
 import mobman as mm
 from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 ROWS = (0, 1, 2)
 

@@ -7,9 +7,9 @@ import pytest
 from support.errors import largest_after, size_at
 
 import mobman as mm
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 
 @pytest.fixture(scope="module")

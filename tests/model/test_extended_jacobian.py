@@ -8,9 +8,9 @@ from support.complements import aligned_kernel, kernel, stacked_jacobian
 from support.differences import derivative, relative
 from support.states import random_states
 
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import auxiliary_coordinates, extended_kinematics
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 # j j^T is nearly singular at some random configurations, where f_a bends sharply.
 _STEP = 1e-3

@@ -13,10 +13,10 @@ from support.platforms import ANGLES, ARM, LENGTH, PLATFORMS, R, W, on
 from support.states import random_states
 
 import mobman as mm
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian, extended_kinematics
 from mobman.model.platforms.platform import platforms
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 DRIVING = [name for name in PLATFORMS if name != "fixed"]
 

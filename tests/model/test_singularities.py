@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from mobman.errors import SingularityError
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import (
     auxiliary_coordinates,
     extended_kinematics,
     orthonormal_complement,
 )
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import pinocchio as pin
 from support.differences import relative
 from support.states import random_states
 
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 A, C, HEIGHT = 0.167, 0.161, 0.084
 L1, L2, L3 = 0.033, 0.155, 0.342

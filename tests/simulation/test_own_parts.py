@@ -148,7 +148,7 @@ def test_what_is_no_controller_is_refused(youbot, thing):
 
 
 def test_what_is_no_task_is_refused(youbot):
-    with pytest.raises(UsageError, match=r"is no task: it needs a method desired"):
+    with pytest.raises(UsageError, match=r"is not a task: expected a method desired"):
         mm.simulate(youbot, "tsm", object(), duration=0.1)
 
 

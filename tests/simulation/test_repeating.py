@@ -22,8 +22,8 @@ from mobman.errors import RecordError
 from mobman.robots import catalogue
 from mobman.simulation.inertias import true_robot
 from mobman.simulation.rerun import repeat, verify
+from mobman.tasks.circle import Circle
 from mobman.tasks.task import tasks
-from mobman.tasks.trajectories.circle import Circle
 
 SHORT = {"duration": 0.05}
 
@@ -290,6 +290,25 @@ def test_own_task_by_name(registered, tmp_path):
     _identical(path)
     del tasks._items["line-of-mine"]
     assert "its task cannot be made: unknown task 'line-of-mine'" in _refused(path)
+
+
+@pytest.mark.parametrize(
+    ("task", "former"),
+    [
+        ("circle", "mobman.tasks.trajectories.circle:Circle"),
+        ("line", "mobman.tasks.paths.point_to_point:PointToPoint"),
+        ("kinematic-singularity", "mobman.tasks.trajectories.kinematic_singularity:ToTheBoundary"),
+    ],
+)
+def test_task_by_the_name_that_its_class_had(tmp_path, task, former):
+    """Records of older versions can be repeated."""
+    path = _saved(tmp_path, "youbot", "pseudo-inverse", task)
+    with h5py.File(path, "a") as file:
+        spec = json.loads(file.attrs["spec_json"])
+        assert spec["task_object"]["class"] != former
+        spec["task_object"]["class"] = former
+        file.attrs["spec_json"] = json.dumps(spec)
+    _identical(path)
 
 
 def test_task_that_is_an_object(tmp_path):

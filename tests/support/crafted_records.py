@@ -161,7 +161,7 @@ def task_of_a_class_of_the_library(file, trap):
 
 @crafted
 def task_of_a_class_that_a_module_imports(file, trap):
-    task = {"class": "mobman.tasks.paths.placement:MobileManipulator", "fields": {}}
+    task = {"class": "mobman.tasks.paths:MobileManipulator", "fields": {}}
     put(file, {**spec_of(file), "task_object": task})
 
 

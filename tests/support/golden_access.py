@@ -85,9 +85,9 @@ def metrics_of(record: mm.Record, *, work: float, constraint_residual: float, li
         constraint_residual: Largest residual of the constraints (m/s).
         limited: At which ticks the torque was cut.
     """
+    from mobman.model.criterion import Posture
     from mobman.model.task_map import TaskMap
     from mobman.simulation.metrics import Run, compute_metrics
-    from mobman.tasks.criteria.posture import Posture
 
     robot = mm.load_robot(record.robot)
     run = Run(

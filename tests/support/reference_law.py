@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
-from mobman.tasks.criteria.posture import Posture
+from mobman.model.criterion import Posture
 from support.inclusions import inclusion
 
 

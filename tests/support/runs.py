@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mobman.model.criterion import Posture
 from mobman.model.task_map import TaskMap
 from mobman.simulation.metrics import Run
-from mobman.tasks.criteria.posture import Posture
 
 
 class Still:

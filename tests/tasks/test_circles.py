@@ -9,7 +9,7 @@ import pytest
 from support.differences import derivative
 
 import mobman as mm
-from mobman.tasks.trajectories.circle import Circle
+from mobman.tasks.circle import Circle
 
 PAPER_TIMES = np.linspace(0.0, 10.0, 41)
 

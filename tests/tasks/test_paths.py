@@ -13,8 +13,7 @@ from mobman.checks.circle import CLOSE, gaps
 from mobman.checks.subject import Subject
 from mobman.errors import UsageError
 from mobman.kernels.program import program
-from mobman.tasks.paths.harmonics import Harmonics
-from mobman.tasks.paths.point_to_point import PointToPoint
+from mobman.tasks.paths import Harmonics, PointToPoint
 from mobman.tasks.task import make_task, task_steps
 
 CLOSED = ["figure-eight", "ellipse", "square", "lissajous"]

@@ -8,7 +8,7 @@ from support.differences import derivative, jacobian
 from support.states import random_states
 
 from mobman.errors import UsageError
-from mobman.tasks.criteria.posture import Posture
+from mobman.model.criterion import Posture
 
 
 def test_value_is_equation_12():

@@ -7,12 +7,12 @@ import pytest
 
 import mobman as mm
 from mobman.errors import UsageError
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
-from mobman.tasks.paths.extended_solution import nearest_degeneracy
-from mobman.tasks.paths.placement import place_of
-from mobman.tasks.paths.stretch import least_singular_value, stretched
+from mobman.tasks.degeneracy import nearest_degeneracy
+from mobman.tasks.paths import place_of
+from mobman.tasks.singular import least_singular_value, stretched
 from mobman.tasks.task import make_task
 
 KINEMATIC, ALGORITHMIC = "kinematic-singularity", "algorithmic-singularity"

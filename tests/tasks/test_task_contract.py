@@ -62,5 +62,5 @@ def test_other_dimensions_are_refused():
 
 
 def test_object_without_desired_is_no_task():
-    with pytest.raises(UsageError, match="is no task: it needs a method desired"):
+    with pytest.raises(UsageError, match="is not a task: expected a method desired"):
         task_map_of(object())

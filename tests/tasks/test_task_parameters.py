@@ -13,8 +13,14 @@ from click.testing import CliRunner
 import mobman as mm
 from mobman.cli.run import run
 from mobman.errors import UnknownNameError, UsageError
-from mobman.tasks.parameters import check, parameter
-from mobman.tasks.task import check_parameters, make_task, parameters_of, task_parameters, tasks
+from mobman.tasks.task import (
+    check_parameters,
+    make_task,
+    parameter,
+    parameters_of,
+    task_parameters,
+    tasks,
+)
 
 if TYPE_CHECKING:
     from nowhere import Unknown
@@ -129,10 +135,11 @@ def test_signature_is_the_declaration(youbot, registered):
         make_task(name, youbot, sway=-1.0)
 
 
-def test_types_for_type_checkers_only_are_not_checked():
-    assert check("own", unknown_types, {"height": "high"}) == {"height": "high"}
+def test_types_for_type_checkers_only_are_not_checked(registered):
+    name = registered(unknown_types)
+    assert check_parameters(name, {"height": "high"}) == {"height": "high"}
     with pytest.raises(UsageError, match="allowed: height"):
-        check("own", unknown_types, {"width": 1.0})
+        check_parameters(name, {"width": 1.0})
 
 
 def test_factory_may_take_anything(youbot, registered):

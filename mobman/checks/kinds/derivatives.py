@@ -11,9 +11,9 @@ from mobman.checks.check import Remark, check, ok, some, wrong
 from mobman.checks.differences import derivative, relative
 from mobman.checks.subject import Subject
 from mobman.errors import SingularityError
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 _STATES = 6
 _TOLERANCE = 1e-5

@@ -10,9 +10,9 @@ from mobman.arrays import Array
 from mobman.checks.check import Remark, check, does_not_apply, ok, warning, wrong
 from mobman.checks.subject import Subject
 from mobman.errors import SingularityError
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 _STATES = 200
 _ROUNDING = (

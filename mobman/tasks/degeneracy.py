@@ -1,4 +1,4 @@
-"""How far the solution of the extended task goes along a line before J (13) loses its rank."""
+"""Solution of the extended task along lines, up to where J of (13) loses its rank but j does not."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import SingularityError
+from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
-from mobman.tasks.criteria.posture import Posture
 
 # all lengths in multiples of the tip's distance from the arm's first joint
 _LARGEST_STEP = 0.05
@@ -24,8 +24,8 @@ _CLOSED = 1e-6  # the task's and the auxiliary errors, over what they would be a
 _CORRECTIONS = 4
 _BETWEEN_TURNS = 0.25
 _SETTLING = 50  # steps to get to f_a = 0
-_KINEMATIC = 0.1  # singular values of j_e below this share of those at the start are its own loss
 _SMALL = 1e-12
+_KINEMATIC = 0.1  # singular values of j_e below this share of those at the start are its own loss
 
 
 @dataclass(frozen=True)
@@ -42,130 +42,6 @@ class Degeneracy:
     corners: list[Array]
     q: Array
     singular_value: float
-
-
-class _Solution:
-    """f_e on a line, f_a = 0, from a configuration on.
-
-    Args:
-        extended: J of the robot; all lines use the same.
-        robot: The robot.
-        q: The configuration.
-        direction: Of the line.
-        scale: The unit of lengths (m).
-    """
-
-    def __init__(
-        self,
-        extended: ExtendedJacobian,
-        robot: MobileManipulator,
-        q: Array,
-        direction: Array,
-        scale: float,
-    ) -> None:
-        self._extended, self._robot, self._rest = extended, robot, np.zeros(robot.nz)
-        self._turning = [
-            i for i in range(robot.nq) if i in robot.arm_index or robot.tip_chain[i] > 0.0
-        ]
-        self.direction, self._scale = direction, scale
-        self._step = _LARGEST_STEP * scale
-        self.distance, self.q, self.ended = 0.0, q, False
-        self._length, self._corners = 0.0, list[Array]()
-        self._at(q)
-        self._start = extended.f[:3].copy()
-        self._settle()
-        self._keep()
-        self._sign, self._first = self._orientation(), self.singular_value
-
-    def turned(self, direction: Array) -> _Solution:
-        """Another one, that leaves this one here."""
-        other = copy(self)
-        other.direction, other.distance = direction, 0.0
-        other._step = _LARGEST_STEP * self._scale
-        other._corners, other._start = self.corners[:-1], self.corners[-1]
-        other._length = self.length
-        return other
-
-    @property
-    def length(self) -> float:
-        """Of the whole way (m)."""
-        return self._length + self.distance
-
-    @property
-    def corners(self) -> list[Array]:
-        """The tip's way from the start."""
-        return [*self._corners, self._start, self._start + self.distance * self.direction]
-
-    @property
-    def is_algorithmic(self) -> bool:
-        """Whether it has ended with j_e in good order."""
-        return self.ended and self.singular_value > _KINEMATIC * self._first
-
-    def advance(self) -> None:
-        """A step; where even the smallest leads nowhere, or past a change of sign, it has ended."""
-        while self._step >= _SMALLEST_STEP * self._scale:
-            self._extended.complement[:] = self._complement
-            if self._try(self.distance + self._step):
-                self.distance += self._step
-                self._keep()
-                self._step = min(2.0 * self._step, _LARGEST_STEP * self._scale)
-                return
-            self._step *= 0.5
-        self.ended = True
-
-    def _try(self, distance: float) -> bool:
-        """Go to a distance, by Newton's method from here."""
-        q, target = self.q, self._start + distance * self.direction
-        try:
-            for _ in range(_CORRECTIONS):
-                change = self._correction(q, target)
-                turn = float(np.abs(change[self._turning]).max())
-                if not turn <= _LARGEST_TURN:
-                    return False
-                q = q + change
-                if turn < _CLOSED:
-                    break
-            else:
-                return False
-        except (SingularityError, np.linalg.LinAlgError):
-            return False
-        if self._orientation() != self._sign:
-            return False
-        self.q = q
-        return True
-
-    def _settle(self) -> None:
-        """f_a = 0 with the tip where it is, as far as small steps take it."""
-        for _ in range(_SETTLING):
-            change = self._correction(self.q, self._start)
-            largest = float(np.abs(change[self._turning]).max())
-            self.q = self.q + min(1.0, _LARGEST_TURN / max(largest, _SMALL)) * change
-            if largest < _CLOSED:
-                break
-
-    def _correction(self, q: Array, target: Array) -> Array:
-        """J^-1 of what is missing, as a change of q."""
-        self._at(q)
-        extended = self._extended
-        missing = np.concatenate([target - extended.f[:3], -extended.f[3:]])
-        change: Array = extended.workspace.C @ np.linalg.solve(extended.J, missing)
-        return change
-
-    def _at(self, q: Array) -> None:
-        self._extended.at(q, self._rest)
-
-    def _orientation(self) -> float:
-        """The sign of det J, made independent of the axes of f_a: that of det N (H + D) N^T."""
-        J, now = self._extended.J, self._extended
-        regular = np.vstack([J[:3], now.complement @ now.workspace.C])
-        both, _ = np.linalg.slogdet(np.stack([J, regular]))
-        return float(both[0] * both[1])
-
-    def _keep(self) -> None:
-        """What J is within a last, tiny correction of q."""
-        J = self._extended.J
-        self._complement = self._extended.complement.copy()
-        self.singular_value = float(np.linalg.svd(J[:3], compute_uv=False)[-1])
 
 
 def nearest_degeneracy(
@@ -221,3 +97,120 @@ def nearest_degeneracy(
                 lines.append(line.turned(direction))
                 heapq.heappush(fronts, (line.length, len(lines) - 1))
     return None
+
+
+class _Solution:
+    """f_e on a line, f_a = 0, from a configuration on.
+
+    Args:
+        extended: J of the robot; all lines use the same.
+        robot: The robot.
+        q: The configuration.
+        direction: Direction of the line.
+        scale: The unit of lengths (m).
+    """
+
+    def __init__(
+        self,
+        extended: ExtendedJacobian,
+        robot: MobileManipulator,
+        q: Array,
+        direction: Array,
+        scale: float,
+    ) -> None:
+        self._extended, self._rest = extended, np.zeros(robot.nz)
+        self._turning = [
+            i for i in range(robot.nq) if i in robot.arm_index or robot.tip_chain[i] > 0.0
+        ]
+        self.direction, self._scale = direction, scale
+        self._step = _LARGEST_STEP * scale
+        self.distance, self.q, self.ended = 0.0, q, False
+        self._length, self._corners = 0.0, list[Array]()
+        extended.at(q, self._rest)
+        self._start = extended.f[:3].copy()
+        for _ in range(_SETTLING):  # to f_a = 0 with the tip where it is, as far as small steps go
+            change = self._correction(self.q, self._start)
+            largest = float(np.abs(change[self._turning]).max())
+            self.q = self.q + min(1.0, _LARGEST_TURN / max(largest, _SMALL)) * change
+            if largest < _CLOSED:
+                break
+        self._keep()
+        self._sign, self._first = self._orientation(), self.singular_value
+
+    def turned(self, direction: Array) -> _Solution:
+        """Another one, that leaves this one here."""
+        other = copy(self)
+        other.direction, other.distance = direction, 0.0
+        other._step = _LARGEST_STEP * self._scale
+        other._corners, other._start = self.corners[:-1], self.corners[-1]
+        other._length = self.length
+        return other
+
+    @property
+    def length(self) -> float:
+        """Length of the whole way (m)."""
+        return self._length + self.distance
+
+    @property
+    def corners(self) -> list[Array]:
+        """The tip's way from the start."""
+        return [*self._corners, self._start, self._start + self.distance * self.direction]
+
+    @property
+    def is_algorithmic(self) -> bool:
+        """Whether it has ended with j_e in good order."""
+        return self.ended and self.singular_value > _KINEMATIC * self._first
+
+    def advance(self) -> None:
+        """A step; where even the smallest leads nowhere, or past a change of sign, it has ended."""
+        while self._step >= _SMALLEST_STEP * self._scale:
+            self._extended.complement[:] = self._complement
+            if self._try(self.distance + self._step):
+                self.distance += self._step
+                self._keep()
+                self._step = min(2.0 * self._step, _LARGEST_STEP * self._scale)
+                return
+            self._step *= 0.5
+        self.ended = True
+
+    def _try(self, distance: float) -> bool:
+        """Go to a distance, by Newton's method from here."""
+        q, target = self.q, self._start + distance * self.direction
+        try:
+            for _ in range(_CORRECTIONS):
+                change = self._correction(q, target)
+                turn = float(np.abs(change[self._turning]).max())
+                if not turn <= _LARGEST_TURN:
+                    return False
+                q = q + change
+                if turn < _CLOSED:
+                    break
+            else:
+                return False
+        except (SingularityError, np.linalg.LinAlgError):
+            return False
+        if self._orientation() != self._sign:
+            return False
+        self.q = q
+        return True
+
+    def _correction(self, q: Array, target: Array) -> Array:
+        """J^-1 of what is missing, as a change of q."""
+        extended = self._extended
+        extended.at(q, self._rest)
+        missing = np.concatenate([target - extended.f[:3], -extended.f[3:]])
+        change: Array = extended.workspace.C @ np.linalg.solve(extended.J, missing)
+        return change
+
+    def _orientation(self) -> float:
+        """The sign of det J, made independent of the axes of f_a: that of det N (H + D) N^T."""
+        J, now = self._extended.J, self._extended
+        regular = np.vstack([J[:3], now.complement @ now.workspace.C])
+        both, _ = np.linalg.slogdet(np.stack([J, regular]))
+        return float(both[0] * both[1])
+
+    def _keep(self) -> None:
+        """What J is within a last, tiny correction of q."""
+        J = self._extended.J
+        self._complement = self._extended.complement.copy()
+        self.singular_value = float(np.linalg.svd(J[:3], compute_uv=False)[-1])

@@ -10,13 +10,11 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.errors import UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.tasks.parameters import parameter
-from mobman.tasks.paths.excursion import PAUSE, TRAVEL, Pause, Travel, excursion
-from mobman.tasks.paths.placement import place_of
-from mobman.tasks.paths.point_to_point import PointToPoint
-from mobman.tasks.task import tasks
+from mobman.tasks.paths import PAUSE, TRAVEL, Pause, PointToPoint, Travel, excursion, place_of
+from mobman.tasks.task import parameter, tasks
 
 
+@tasks.register("line")
 def line(
     robot: MobileManipulator,
     q0: Array,
@@ -46,8 +44,5 @@ def line(
         raise UsageError(
             "task 'line': parameter 'displacement' (m) must not be 0 in all directions"
         )
-    way = np.array(displacement, dtype=float) @ np.array([place.ahead, place.left, place.up])
+    way = np.array(displacement, dtype=float) @ place.axes
     return excursion("line", [place.tip, place.tip + way], travel, pause, returns=returns)
-
-
-tasks.register("line", line)

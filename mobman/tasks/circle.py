@@ -1,0 +1,102 @@
+"""Circles: the paper's, and one that suits any robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from mobman.arrays import Array, Matrix, Vector
+from mobman.kernels.kernel import kernel
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.paths import GAP, SHARE_OF_RADIUS, KernelPath, place_of
+from mobman.tasks.task import NOT_ZERO, parameter, tasks
+
+
+@dataclass(frozen=True)
+class Circle(KernelPath):
+    """p_d = centre + radius (cos(rate t + phase), sin(rate t + phase), 0).
+
+    Args:
+        centre: World coordinates (m), shape (3,).
+        radius: m.
+        rate: rad/s, positive for anticlockwise.
+        phase: Angle at t = 0 (rad).
+    """
+
+    centre: tuple[float, float, float]
+    radius: float
+    rate: float
+    phase: float = 0.0
+    name: str = "circle"
+
+    @property
+    def period(self) -> float:
+        """Duration of a lap (s)."""
+        return 2.0 * math.pi / abs(self.rate)
+
+    def _kernel(self) -> tuple[Any, ...]:
+        parameters = [*self.centre, self.radius, self.rate, self.phase]
+        return _circle, np.array(parameters, dtype=float)
+
+
+@kernel
+def _circle(t: Vector, parameters: Vector, p_d: Matrix) -> None:
+    radius, w = parameters[3], parameters[4]
+    angle = w * t[0] + parameters[5]
+    c, s = radius * math.cos(angle), radius * math.sin(angle)
+    for i in range(3):
+        p_d[0, i] = parameters[i]
+        for order in range(1, 4):
+            p_d[order, i] = 0.0
+    p_d[0, 0] += c
+    p_d[0, 1] += s
+    p_d[1, 0], p_d[1, 1] = -s * w, c * w
+    p_d[2, 0], p_d[2, 1] = -c * w**2, -s * w**2
+    p_d[3, 0], p_d[3, 1] = s * w**3, -c * w**3
+
+
+@tasks.register("paper")
+def paper_circle(robot: MobileManipulator, q0: Array) -> Circle:
+    """The paper's task, section 4, for its youBot: (2 + cos t, 3 + sin t, 0.35)."""
+    return Circle(centre=(2.0, 3.0, 0.35), radius=1.0, rate=1.0, name="paper")
+
+
+@tasks.register("circle")
+def circle_near_tip(
+    robot: MobileManipulator,
+    q0: Array,
+    *,
+    radius: Annotated[
+        float | None,
+        parameter(
+            "m", "radius; 0.5 m, on a fixed base 0.15 times the tip's distance from it", gt=0
+        ),
+    ] = None,
+    rate: Annotated[float, parameter("rad/s", "positive for anticlockwise"), NOT_ZERO] = 0.5,
+    gap: Annotated[
+        float | None,
+        parameter("m", "from the tip to the path; 0.1 m, on a fixed base 0.2 radii", ge=0),
+    ] = None,
+) -> Circle:
+    """A horizontal circle at the height of the tip at q0, 0.5 rad/s.
+
+    On a platform that drives, 1 m in diameter: it starts 0.1 m ahead of the tip and first runs along
+    the platform's heading, the platform on its inside, which follows it within the arm's reach. On a
+    fixed base, between the tip and the base: its diameter is 0.3 times their distance.
+    """
+    place = place_of(robot, q0)
+    radius = place.size if radius is None else radius
+    if place.drives:
+        side = math.copysign(1.0, rate)  # the centre is on the left of one who goes anticlockwise
+        gap = GAP if gap is None else gap
+        centre = place.tip + gap * place.ahead + side * radius * place.left
+        phase = place.heading - side * 0.5 * math.pi
+    else:
+        share = SHARE_OF_RADIUS if gap is None else gap / radius
+        centre = place.tip - (1.0 + share) * radius * place.ahead
+        phase = place.heading
+    x, y, z = (float(coordinate) for coordinate in centre)
+    return Circle((x, y, z), radius, rate, phase)

@@ -1,1 +1,0 @@
-"""Criteria F(q) for the redundant degrees of freedom, one a file."""

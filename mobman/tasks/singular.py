@@ -1,0 +1,300 @@
+"""Paths to where j or the extended Jacobian J of (13) loses its rank, and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.errors import SingularityError, UsageError
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.task_map import TaskMap
+from mobman.tasks.degeneracy import nearest_degeneracy
+from mobman.tasks.paths import PAUSE, TRAVEL, Pause, PointToPoint, Travel, excursion, place_of
+from mobman.tasks.task import parameter, tasks
+
+_SMALL = 1e-12
+_DIGITS = 6  # of lengths (m) and singular values of the kinematic path, the same on all machines
+_COARSE = 4  # the same of the algorithmic path
+_DIRECTIONS = 8  # horizontal ones in which an algorithmic singularity is looked for
+_REACHES = 6.0  # how far, over the tip's distance from the arm's first joint
+_ABOVE = 1e-6  # horizontal share of that distance for a tip that is above the joint
+
+
+@dataclass(frozen=True)
+class SingularPath(PointToPoint):
+    """The path, and what is at its end.
+
+    Args:
+        depth: How far its end is beyond the singularity (m); negative if it is short of it.
+        singular_value: Least singular value of j_e (43) at the singularity. At a kinematic one, what a
+            joint that slides, or a limit, leaves of the rank; at an algorithmic one j has its rank.
+    """
+
+    depth: float = 0.0
+    singular_value: float = 0.0
+
+
+def _path(
+    name: str,
+    points: Sequence[Array],
+    timing: tuple[float, float],
+    depth: float,
+    singular_value: float,
+) -> SingularPath:
+    path = excursion(name, points, *timing)
+    return SingularPath(path.points, path.times, path.repeats, name, depth, singular_value)
+
+
+@tasks.register("kinematic-singularity")
+def kinematic_singularity(
+    robot: MobileManipulator,
+    q0: Array,
+    *,
+    depth: Annotated[
+        float, parameter("m", "how far beyond what the tip reaches; negative: short of it")
+    ] = 0.0,
+    direction: Annotated[
+        Literal["up", "down", "out"] | None,
+        parameter("1", "up or down; on a fixed base also out, away from it, the default there"),
+    ] = None,
+    within_limits: Annotated[
+        bool, parameter("1", "whether the limits of the joints that turn count")
+    ] = False,
+    travel: Travel = TRAVEL,
+    pause: Pause = PAUSE,
+) -> SingularPath:
+    """From the tip to its highest (lowest, farthest) point that the arm reaches, and back.
+
+    There the tip cannot be moved that way at all, so that j loses its rank, whatever the platform does:
+    it drives in the plane. An arm whose tip slides that way has no such point but the slide's limit,
+    which simulation does not enforce: its rank stays, see ``singular_value``.
+
+    Raises:
+        UsageError: If a platform that drives is asked to go out; if depth takes the end of the path
+            back to the tip.
+    """
+    name, place = "kinematic-singularity", place_of(robot, q0)
+    direction = direction or ("up" if place.drives else "out")
+    if direction == "out" and place.drives:
+        raise UsageError(
+            f"task {name!r}: robot {robot.name!r} drives, so that no point is too far "
+            "out for it; allowed for 'direction': up, down"
+        )
+    ways = {"out": place.arm / np.linalg.norm(place.arm), "up": place.up, "down": -place.up}
+    way = ways[direction]
+    farthest = stretched(robot, q0, way, within_limits=within_limits)
+    displacement = np.array(robot.tip_pose(farthest).translation) - place.tip
+    reach = float(way @ displacement)
+    if depth <= -reach:
+        raise UsageError(
+            f"task {name!r}: depth = {depth:g} m leaves nothing of the {reach:.3g} m "
+            "that the tip has to go"
+        )
+    # what does not matter is rounded, to be the same on all machines
+    lateral = np.round(displacement - reach * way, _DIGITS)
+    end = place.tip + lateral + (round(reach, 2 * _DIGITS) + depth) * way
+    value = round(least_singular_value(robot, farthest), _DIGITS)
+    return _path(name, [place.tip, end], (travel, pause), depth, value)
+
+
+@tasks.register("algorithmic-singularity")
+def algorithmic_singularity(
+    robot: MobileManipulator,
+    q0: Array,
+    *,
+    depth: Annotated[
+        float, parameter("m", "how far beyond the singularity; negative: short of it")
+    ] = 0.05,
+    farthest: Annotated[
+        float | None,
+        parameter("m", "how far to look for one; 6 times the tip's distance", gt=0),
+    ] = None,
+    travel: Travel = TRAVEL,
+    pause: Pause = PAUSE,
+) -> SingularPath:
+    """From the tip along a line, or around one corner, through the nearest such place, and back.
+
+    A criterion is a spring: it holds the platform and the arm where they rest, and the task pushes the
+    tip away. Where the arm is pushed towards its base, it buckles as a column does: the criterion's
+    minimum under the task's constraints ceases to be one, N (H + D) N^T and with it J lose their rank.
+    The solution of the extended task is followed along lines in ten directions, and along those that
+    turn off from the line towards the base, until one comes to such a place.
+
+    Raises:
+        UsageError: If there is none, or depth takes the end of the path back to the last corner.
+    """
+    name, place = "algorithmic-singularity", place_of(robot, q0)
+    who = f"task {name!r}: robot {robot.name!r}"
+    if robot.nz <= TaskMap().m:
+        raise UsageError(f"{who} has no redundant degree of freedom, so that J is j_e")
+    level = np.array([*place.arm[:2], 0.0])
+    length, scale = float(np.linalg.norm(level)), place.reach
+    inward = -level / length if length > _ABOVE * scale else -place.ahead
+    lateral = np.array([-inward[1], inward[0], 0.0])
+    angles = 2.0 * math.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
+    directions = [math.cos(angle) * inward + math.sin(angle) * lateral for angle in angles]
+    reach = _REACHES * scale if farthest is None else farthest
+    try:
+        found = nearest_degeneracy(
+            robot,
+            q0,
+            directions=[*directions, place.up, -place.up],
+            turns=[lateral, -lateral, place.up, -place.up],
+            farthest=reach,
+            scale=scale,
+        )
+    except (SingularityError, np.linalg.LinAlgError) as error:
+        raise UsageError(f"{who} cannot start there: {error}") from error
+    if found is None:
+        raise UsageError(
+            f"{who} comes to no algorithmic singularity of its posture criterion within {reach:.3g} m "
+            "on the lines that are looked at; another criterion in its description, or a larger "
+            "'farthest', may have one"
+        )
+    *corners, last, end = found.corners
+    way = end - last
+    length = float(np.linalg.norm(way))
+    if depth <= -length:
+        raise UsageError(
+            f"{who}: depth = {depth:g} m leaves nothing of the last {length:.3g} m of the way"
+        )
+    end = last + (round(length, _COARSE) + depth) * way / length
+    value = round(found.singular_value, _COARSE)
+    return _path(name, [*corners, last, end], (travel, pause), depth, value)
+
+
+def least_singular_value(robot: MobileManipulator, q: Array) -> float:
+    """Least one of j_e = J_f C (43), the tip's three rows; 0 where j of (13) loses its rank."""
+    j_e = robot.tip_jacobian(q)[:3] @ robot.velocity_map(q)
+    if j_e.shape[1] < len(j_e):
+        return 0.0
+    return float(np.linalg.svd(j_e, compute_uv=False)[-1])
+
+
+# The farthest point of an arm along a direction --------------------------------------------------------
+
+_STARTS = 6  # postures from which it is sought, in addition to the given one
+_SWEEPS = 40
+_GAIN = 1e-6  # of a sweep that is worth another one (m)
+_NEWTON = 20
+_FLAT = 1e-9  # curvature of a direction that does not matter, over the largest
+
+
+def stretched(
+    robot: MobileManipulator, q: Array, direction: Array, *, within_limits: bool = False
+) -> Array:
+    """The configuration whose tip is farthest along a direction; the platform stays where it is.
+
+    There the row of the arm's Jacobian along the direction is 0, unless a joint is at a limit. Joints
+    that slide always have their limits, and stay where they are if they have none: else there would be
+    no farthest point. Found from a few postures, always the same: what is not found may be farther.
+
+    Args:
+        robot: The robot.
+        q: Configuration, shape (nq,).
+        direction: In the world, shape (3,), of length 1.
+        within_limits: Whether the joints that turn have their limits, too.
+    """
+    climb = _Climb(robot, q, direction, within_limits=within_limits)
+    random = np.random.default_rng(0)
+    best = climb.swept(q)
+    for _ in range(_STARTS):
+        other = climb.swept(climb.at_random(random))
+        if climb.height(other) > climb.height(best) + _GAIN:  # of equals the nearest to q
+            best = other
+    return climb.polished(best)
+
+
+class _Climb:
+    """The tip's height along a direction, as a function of the arm's joints."""
+
+    def __init__(
+        self, robot: MobileManipulator, q: Array, direction: Array, *, within_limits: bool
+    ) -> None:
+        self._robot, self._q, self._direction = robot, q, direction
+        self._joints = [int(i) for i in robot.arm_index if robot.tip_chain[i] > 0.0]
+        kinds = {joint.idx_q: joint.shortname() for joint in robot.model.joints[1:]}
+        self._slides = {i for i in self._joints if kinds[i].startswith("JointModelP")}
+        self._lower, self._upper = robot.limits.lower.copy(), robot.limits.upper.copy()
+        for i in self._joints:
+            if i not in self._slides and not within_limits:
+                self._lower[i], self._upper[i] = -math.inf, math.inf
+            elif i in self._slides and math.isinf(self._upper[i] - self._lower[i]):
+                self._lower[i] = self._upper[i] = q[i]
+
+    def height(self, q: Array) -> float:
+        """Height of the tip (m)."""
+        return float(self._direction @ self._robot.tip_pose(q).translation)
+
+    def at_random(self, random: np.random.Generator) -> Array:
+        """Some posture."""
+        q = self._q.copy()
+        for i in self._joints:
+            low, high = max(self._lower[i], -math.pi), min(self._upper[i], math.pi)
+            q[i] = random.uniform(low, high) if low < high else min(low, self._upper[i])
+        return q
+
+    def swept(self, q: Array) -> Array:
+        """Each joint in turn where it holds the tip highest, from the tip's to the base's and again."""
+        q, last = q.copy(), -math.inf
+        for _ in range(_SWEEPS):
+            for i in reversed(self._joints):
+                q[i] = self._highest(i, q)
+            height = self.height(q)
+            if height < last + _GAIN:
+                break
+            last = height
+        return q
+
+    def polished(self, q: Array) -> Array:
+        """By Newton's method, to rounding."""
+        last = self.height(q)
+        for _ in range(_NEWTON):
+            tip = self._robot.tip_kinematics(q, np.zeros(self._robot.nz))
+            free = [
+                i
+                for i in self._joints
+                if i not in self._slides and self._lower[i] < q[i] < self._upper[i]
+            ]
+            gradient = self._direction @ tip.jacobian[:3, free]
+            if not free or float(np.abs(gradient).max()) < _SMALL:
+                break
+            hessian = TaskMap().hessian(tip, self._direction)[np.ix_(free, free)]
+            curvature, axes = np.linalg.eigh(hessian)
+            steep = np.abs(curvature) > _FLAT * np.abs(curvature).max()
+            along = axes[:, steep]
+            new = q.copy()
+            new[free] += along @ ((along.T @ gradient) / np.abs(curvature[steep]))
+            new[free] = np.clip(new, self._lower, self._upper)[free]
+            height = self.height(new)
+            if height < last - _SMALL:
+                break
+            q, last = new, height
+        return q
+
+    def _highest(self, i: int, q: Array) -> float:
+        """Where a joint holds the tip highest, the others as they are."""
+        column = self._robot.tip_jacobian(q)[:, i]
+        slope = float(self._direction @ column[:3])
+        if i in self._slides:
+            if abs(slope) < _SMALL:
+                return float(q[i])
+            return float(self._upper[i] if slope > 0.0 else self._lower[i])
+        # on its circle, the height is bend cos(angle) + slope sin(angle) and a constant
+        (wx, wy, wz), (vx, vy, vz) = column[3:], column[:3]
+        turned = (wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx)
+        bend = -float(self._direction @ turned)
+        if math.hypot(slope, bend) < _SMALL:
+            return float(q[i])
+        best = float(q[i]) + math.atan2(slope, bend)
+        for angle in (best, best - 2.0 * math.pi, best + 2.0 * math.pi):
+            if self._lower[i] <= angle <= self._upper[i]:
+                return angle
+        ends = (float(self._lower[i]), float(self._upper[i]))
+        heights = [bend * math.cos(end - q[i]) + slope * math.sin(end - q[i]) for end in ends]
+        return ends[int(heights[1] > heights[0])]

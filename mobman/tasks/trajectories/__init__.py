@@ -1,1 +1,0 @@
-"""Trajectories with names; each module registers the ones it defines."""
