@@ -1,1 +1,1 @@
-"""Whether a robot's description makes sense: checks of its numbers, its geometry and its equations."""
+"""Checks of a robot: its numbers, its geometry and its equations."""

@@ -1,23 +1,69 @@
-"""A robot as the checks see it: what several of them need, worked out once."""
+"""A robot as the checks see it: its links as they are written, and what several checks need of it."""
 
 from __future__ import annotations
 
 import math
-from functools import cached_property
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.checks.links import Link, read_links
-from mobman.checks.mesh_files import MeshFile, mesh_files
 from mobman.model.assembly import Assembly
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.urdf.compose import BASE_JOINTS
-from mobman.robots.urdf.meshes import MeshReader
+from mobman.robots.urdf.meshes import MeshReader, MeshReference, mesh_paths
+from mobman.robots.urdf.read import UrdfFile
+from mobman.robots.urdf.shapes import USES, Shape, Use, placement, read_shapes, scalar
 
 _SEED = 20_261_122
 _STEERED = math.pi / 3  # rad: random steering angles keep away from the model's singularity at pi/2
+
+
+@dataclass(frozen=True)
+class Link:
+    """A link of a URDF, before fixed joints merge it with others into a body.
+
+    Attributes:
+        name: With the prefix of its mount.
+        mass: kg; None without an ``<inertial>`` element.
+        com: Centre of mass in the link's frame (m), shape (3,).
+        moments: Principal moments of inertia, ascending (kg m^2), shape (3,).
+        shapes: What could be read of its geometry.
+        incomplete: The uses of which a mesh is missing or could not be read.
+    """
+
+    name: str
+    mass: float | None
+    com: Array
+    moments: Array
+    shapes: tuple[Shape, ...]
+    incomplete: frozenset[Use]
+
+    @property
+    def solid(self) -> list[Shape]:
+        """The collision geometry, or the visual one where there is none."""
+        collision = [shape for shape in self.shapes if shape.use == "collision"]
+        return collision or list(self.shapes)
+
+
+def _read_link(element: ET.Element, vertices: Callable[[str, str], Array | None]) -> Link:
+    name, inertial = str(element.get("name")), element.find("inertial")
+    mass, com, moments = None, np.zeros(3), np.zeros(3)
+    if inertial is not None:
+        inertia = inertial.find("inertia")
+        xx, yy, zz, xy, xz, yz = (
+            scalar(inertia, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        )
+        moments = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        mass, com = scalar(inertial.find("mass"), "value"), placement(inertial)[1]
+    shapes = [s for use in USES for s in read_shapes(element, use, partial(vertices, name))]
+    known = tuple(shape for shape in shapes if shape.known)
+    incomplete = frozenset(shape.use for shape in shapes if not shape.known)
+    return Link(name, mass, com, moments, known, incomplete)
 
 
 class Subject:
@@ -41,42 +87,55 @@ class Subject:
             if name in robot.joint_names:
                 self.home[robot.joint_names.index(name)] = 0.0
 
+    @property
+    def _sources(self) -> list[tuple[str, UrdfFile]]:
+        """The prefix of its links and the file of every URDF."""
+        spec = self.robot.spec
+        prefixes = [*([] if spec.urdf is None else [""]), *(mount.prefix for mount in spec.mount)]
+        return list(zip(prefixes, self.robot.urdf.files, strict=True))
+
     @cached_property
-    def meshes(self) -> list[MeshFile]:
-        """Every mesh that the URDFs name."""
-        return mesh_files(self.robot.spec, self.robot.urdf)
+    def meshes(self) -> list[tuple[MeshReference, UrdfFile]]:
+        """Every mesh that the URDFs name, its link with the prefix of its mount, and the URDF."""
+        return [
+            (replace(mesh, link=f"{prefix}{mesh.link}"), file)
+            for prefix, file in self._sources
+            for mesh in mesh_paths(file.parse(), file)
+        ]
 
     @cached_property
     def links(self) -> dict[str, Link]:
         """The links by name, in the URDF's order."""
-        paths = {(mesh.link, mesh.filename): mesh.path for mesh in self.meshes}
+        paths = {(mesh.link, mesh.filename): mesh.path for mesh, _ in self.meshes}
 
-        def read(link: str, filename: str) -> Array | None:
+        def vertices(link: str, filename: str) -> Array | None:
             path = paths.get((link, filename))
             return None if path is None else self.mesh_reader.vertices(path)
 
-        return read_links(Assembly(self.robot.spec, self.robot.urdf).robot, read)
+        elements = Assembly(self.robot.spec, self.robot.urdf).robot.findall("link")
+        return {link.name: link for link in (_read_link(part, vertices) for part in elements)}
+
+    @property
+    def _numbers(self) -> str:
+        return f"[platform.body] of robot {self.robot.name!r}"
 
     def file_of(self, link: str) -> str:
         """What to call the place where a link is described."""
-        return self._files.get(link, f"[platform.body] of robot {self.robot.name!r}")
+        return self._files.get(link, self._numbers)
 
     @property
     def files(self) -> str:
         """What to call all files of the robot together."""
         names = [file.path.name for file in self.robot.urdf.files]
         if self.robot.spec.urdf is None:
-            names.insert(0, f"[platform.body] of robot {self.robot.name!r}")
+            names.insert(0, self._numbers)
         return ", ".join(dict.fromkeys(names))
 
     @cached_property
     def _files(self) -> dict[str, str]:
-        spec = self.robot.spec
-        prefixes = [] if spec.urdf is None else [""]
-        prefixes += [mount.prefix for mount in spec.mount]
         return {
             f"{prefix}{link.get('name')}": file.path.name
-            for prefix, file in zip(prefixes, self.robot.urdf.files, strict=True)
+            for prefix, file in self._sources
             for link in file.parse().findall("link")
         }
 
@@ -92,14 +151,29 @@ class Subject:
 
     def placement(self, link: str) -> tuple[Array, Array]:
         """Rotation (3, 3) and position (3,) of a link in the platform's frame, at home."""
-        index = self.robot.model.getFrameId(link, pin.FrameType.BODY)
-        place = self.data.oMf[index]
+        place = self.data.oMf[self.robot.model.getFrameId(link, pin.FrameType.BODY)]
         return np.array(place.rotation), np.array(place.translation)
 
     @property
     def tip_frame(self) -> int:
         """Index of the tip's frame; a joint may have its name, too."""
         return int(self.robot.model.getFrameId(self.robot.tip, pin.FrameType.BODY))
+
+    @property
+    def carrier(self) -> str:
+        """The joint that carries the tip."""
+        model = self.robot.model
+        return str(model.names[model.frames[self.tip_frame].parentJoint])
+
+    def jacobian(self, joint: str) -> Array:
+        """Velocity (linear, then angular) of a joint's frame for unit rates at home, shape (6, nv)."""
+        model, axes = self.robot.model, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return np.array(pin.getJointJacobian(model, self.data, model.getJointId(joint), axes))
+
+    def _column(self, joint: str) -> Array:
+        model = self.robot.model
+        column: Array = self.jacobian(joint)[:, model.joints[model.getJointId(joint)].idx_v]
+        return column
 
     def axis(self, joint: str) -> Array:
         """Axis of a joint in the platform's frame at home, unit vector, shape (3,)."""
@@ -110,14 +184,9 @@ class Subject:
         """Whether a joint turns; it slides otherwise."""
         return bool(np.any(self._column(joint)[3:]))
 
-    def _column(self, joint: str) -> Array:
-        """Velocity (linear, then angular) of a joint's own frame for its unit rate, shape (6,)."""
-        model = self.robot.model
-        index = model.getJointId(joint)
-        columns = pin.getJointJacobian(
-            model, self.data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
-        return np.array(columns[:, model.joints[index].idx_v])
+    def upright(self, joint: str) -> bool:
+        """Whether a joint turns about the vertical at home, or nearly."""
+        return self.turns(joint) and abs(float(self.axis(joint)[2])) > 0.9
 
     def centre(self, joint: str) -> Array:
         """Position of a joint in the platform's frame at home (m), shape (3,)."""
@@ -146,34 +215,22 @@ class Subject:
                 bodies.setdefault(int(frame.parentJoint), []).append(self.links[frame.name])
         return bodies
 
-    # Joints --------------------------------------------------------------------------------------
-
     @cached_property
     def steering(self) -> list[str]:
         """The platform's joints that turn about the vertical, other than its heading."""
-        wheels = {wheel.joint for wheel in self.robot.platform.wheels}
-        return [
-            name
-            for name in self.robot.platform.coordinates
-            if name not in BASE_JOINTS
-            and name not in wheels
-            and self.turns(name)
-            and abs(self.axis(name)[2]) > 0.9
-        ]
-
-    # States --------------------------------------------------------------------------------------
+        others = {*BASE_JOINTS, *(wheel.joint for wheel in self.robot.platform.wheels)}
+        names = self.robot.platform.coordinates
+        return [name for name in names if name not in others and self.upright(name)]
 
     def states(self, count: int) -> list[tuple[Array, Array]]:
         """``count`` random pairs (q, z): within the limits and within half a turn (or pi m) of rest."""
         robot, random = self.robot, np.random.default_rng(_SEED)
-        wide = np.full(robot.nq, math.pi)
-        for name in self.steering:
-            wide[robot.joint_names.index(name)] = _STEERED
+        steered = np.isin(robot.joint_names, self.steering)
+        wide = np.where(steered, _STEERED, math.pi)
         lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - wide)
         upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + wide)
-        for name in self.steering:
-            i = robot.joint_names.index(name)
-            lower[i], upper[i] = max(lower[i], -_STEERED), min(upper[i], _STEERED)
+        lower = np.where(steered, np.maximum(lower, -_STEERED), lower)
+        upper = np.where(steered, np.minimum(upper, _STEERED), upper)
         upper = np.maximum(lower, upper)
         return [
             (random.uniform(lower, upper), random.standard_normal(robot.nz)) for _ in range(count)

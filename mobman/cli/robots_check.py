@@ -13,7 +13,7 @@ from rich.text import Text
 from mobman.cli.output import console, print_json
 
 if TYPE_CHECKING:
-    from mobman.checks.check import Finding
+    from mobman.checks.checks import Finding
 
 _STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 
@@ -27,7 +27,7 @@ def check(name: str, as_json: bool, no_simulation: bool) -> None:
 
     Exit status 1 if something is wrong, 0 with warnings alone, 2 if the robot cannot be loaded.
     """
-    from mobman.checks.run import run_checks
+    from mobman.checks.checks import run_checks
     from mobman.model.build import load_robot
 
     robot = load_robot(name)

@@ -10,8 +10,7 @@ import pytest
 from support.variants import description, youbot_urdf, youbot_with_urdf
 
 import mobman as mm
-from mobman.checks.check import list_checks
-from mobman.checks.run import run_checks
+from mobman.checks.checks import list_checks, run_checks
 
 WHEEL_MASS = '<mass value="1.4"/>'
 ARM_3 = '<mass value="2.496"/>'
@@ -270,7 +269,7 @@ def test_gravity_term_that_is_no_gradient(monkeypatch):
 
 def test_run_that_diverges_is_wrong(monkeypatch):
     """As it is where the law's gains do not cover the robot."""
-    from mobman.checks.kinds import closed_loop
+    from mobman.checks import closed_loop
 
     own = closed_loop.simulate
     monkeypatch.setattr(

@@ -10,7 +10,7 @@ import pytest
 from support.variants import youbot_urdf, youbot_with_urdf
 
 import mobman as mm
-from mobman.checks.run import run_checks
+from mobman.checks.checks import run_checks
 
 CYLINDER = '<geometry><cylinder radius="0.05" length="0.044"/></geometry>'
 

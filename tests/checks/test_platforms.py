@@ -8,7 +8,7 @@ import pytest
 from support.variants import description
 
 import mobman as mm
-from mobman.checks.run import run_checks
+from mobman.checks.checks import run_checks
 from mobman.tasks.circle import Circle
 from mobman.tasks.task import tasks
 
@@ -87,8 +87,8 @@ def test_base_that_drives_does_not_claim_what_it_cannot_know(on_platform):
 
 
 def test_run_on_a_small_circle_is_no_success_of_a_base_that_drives(on_platform, monkeypatch):
-    from mobman.checks.circle import circle
-    from mobman.checks.kinds import closed_loop
+    from mobman.checks import closed_loop
+    from mobman.checks.reach import circle
 
     monkeypatch.setattr(
         closed_loop,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 import mobman as mm
-from mobman.checks.check import Check, checks, list_checks, ok
-from mobman.checks.run import run_checks
+from mobman.checks.checks import Check, checks, list_checks, ok, run_checks
 from mobman.errors import UnknownNameError
 
 KINDS = {

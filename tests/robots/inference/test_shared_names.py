@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from made_urdf import Robot, box, differential
 
 import mobman as mm
-from mobman.checks.run import run_checks
+from mobman.checks.checks import run_checks
 from mobman.cli.robots_add import add
 from mobman.model.build import load_geometry
 from mobman.simulation.rerun import verify

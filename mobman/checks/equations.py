@@ -1,0 +1,349 @@
+"""Checks of the equations: constraints, criterion, singularities, and derivatives by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.checks.checks import (
+    Remark,
+    check,
+    derivative,
+    does_not_apply,
+    ok,
+    relative,
+    some,
+    warning,
+    wrong,
+)
+from mobman.checks.subject import Subject
+from mobman.errors import SingularityError
+from mobman.model.criterion import Posture
+from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.task_map import TaskMap
+
+_STATES = 50
+_RESIDUAL = 1e-9  # of the largest products in A N
+_RANK = 1e-8  # of the largest singular value
+_SLIP = 5e-3  # of the platform's speed (of the rim's, when it turns): what crooked axes make
+
+
+@check("constraints", "A N = 0 with full ranks, and wheels that roll where the platform goes")
+def constraints(subject: Subject) -> Iterator[Remark]:
+    robot = subject.robot
+    if len(robot.platform_index) == 0:
+        yield does_not_apply("the base is fixed")
+        return
+    l, p, k = len(robot.platform_index), robot.n_alpha, robot.k
+    residual, ranks_a, ranks_n = 0.0, set(), set()
+    for q, _ in subject.states(_STATES):
+        x = q[robot.platform_index]
+        a, n = robot.platform.constraint_matrix(x), robot.platform.velocity_map(x)
+        size = float(np.max(np.abs(a) @ np.abs(n), initial=0.0)) or 1.0
+        residual = max(residual, float(np.max(np.abs(a @ n), initial=0.0)) / size)
+        ranks_a.add(_rank(a))
+        ranks_n.add(_rank(n))
+    fix = f"check [platform] of robot {robot.name!r} (type {robot.spec.platform.type!r})"
+    remarks = []
+    if not residual <= _RESIDUAL:
+        found = f"A N is not 0 but up to {residual:.2g} of its terms, at random states"
+        remarks.append(wrong(found, fix))
+    for name, ranks, full in (("A", ranks_a, k), ("N", ranks_n, p)):
+        if ranks != {full}:
+            listing = ", ".join(map(str, sorted(ranks)))
+            found = f"{name} has rank {listing} at random states; needed: {full}"
+            remarks.append(wrong(found, fix))
+    remarks += _rolling(subject)
+    yield from remarks
+    if not remarks:
+        wheels = ", ".join(f"{w.joint} (R = {w.radius:g} m)" for w in robot.platform.wheels)
+        yield ok(
+            f"A ({k} x {l}) of rank {k}, N ({l} x {p}) of rank {p}, |A N| below {residual:.1g} of its "
+            f"terms; wheels: {wheels or 'none among the coordinates'}"
+        )
+
+
+def _rank(matrix: Array) -> int:
+    if matrix.size == 0:
+        return 0
+    return int(np.linalg.matrix_rank(matrix, tol=_RANK * np.linalg.norm(matrix, 2)))
+
+
+def _rolling(subject: Subject) -> Iterator[Remark]:
+    """Motion of the wheels' lowest points when the platform drives ahead, and when it turns."""
+    robot = subject.robot
+    kind = robot.spec.platform.type
+    if kind == "omnidirectional":  # rollers slide: their equations say how
+        return
+    n = robot.platform.velocity_map(subject.home[robot.platform_index])
+    ahead = np.linalg.lstsq(n[:3], np.array([1.0, 0.0, 0.0]), rcond=None)[0]
+    for wheel in robot.platform.wheels:
+        slip = _slip(subject, wheel.joint, wheel.radius, n @ ahead)
+        if abs(slip) > _SLIP:
+            yield wrong(
+                f"wheel {wheel.joint!r} slips by {slip:+.3g} m/s when the platform drives at 1 m/s",
+                f"check fields 'platform.heading' and 'platform.wheel_radius' of robot {robot.name!r}, "
+                f"and <axis> of joint {wheel.joint!r} in the URDF",
+            )
+    if kind != "differential":  # skid-steering slips when it turns, a car cannot turn on the spot
+        return
+    turn = np.linalg.lstsq(n[[0, 2]], np.array([0.0, 1.0]), rcond=None)[0]
+    for wheel in robot.platform.wheels:
+        slip = _slip(subject, wheel.joint, wheel.radius, n @ turn)
+        track = abs(float(subject.centre(wheel.joint)[1]))
+        if abs(slip) > _SLIP * track:
+            yield warning(
+                f"wheel {wheel.joint!r} slips by {slip:+.3g} m/s when the platform turns at 1 rad/s: "
+                f"it is {track:.4g} m from the middle",
+                f"remove field 'platform.half_track' of robot {robot.name!r}, or set it to {track:.4g}, "
+                "unless the track was identified on the ground",
+            )
+
+
+def _slip(subject: Subject, joint: str, radius: float, x_dot: Array) -> float:
+    """Velocity of a wheel's lowest point along the wheel (m/s), by the URDF's kinematics."""
+    q_dot = np.zeros(subject.robot.nq)
+    q_dot[subject.robot.platform_index] = x_dot
+    motion, up = subject.jacobian(joint) @ q_dot, np.array([0.0, 0.0, 1.0])
+    forward = np.cross(subject.axis(joint), up)
+    forward /= np.linalg.norm(forward)
+    return float(forward @ (motion[:3] + np.cross(motion[3:], -radius * up)))
+
+
+# Criterion ---------------------------------------------------------------------------------------------
+
+_STEERED = 10  # states
+_NONE = 1e-9  # of the largest entry: rounding
+_TURN = 0.1  # rad: by which a coordinate is moved to see whether the platform then drives elsewhere
+
+
+@check("criterion", "what steers the platform without moving the tip is coupled to something")
+def criterion(subject: Subject) -> Iterator[Remark]:
+    robot, model = subject.robot, subject.robot.model
+    steering = _steering(subject)
+    if not steering:
+        yield does_not_apply("the platform has no steering that leaves the tip where it is")
+        return
+    others = [i for i in range(robot.nq) if i not in steering]
+    named = some(repr(robot.joint_names[i]) for i in steering)
+    if np.any(robot.criterion_couplings[np.ix_(steering, others)] != 0.0):
+        yield ok(f"the steering ({named}) is coupled to other coordinates")
+        return
+    # the arm's first joint about the vertical at rest that moves the tip, or else its first joint
+    moving = {model.joints[i].idx_q for i in model.supports[model.getJointId(subject.carrier)]}
+    arm: list[str] = [robot.joint_names[i] for i in robot.arm_index if i in moving]
+    yaw = next((name for name in arm if subject.upright(name)), arm[0])
+    yield warning(
+        f"the steering is held at rest: turning {named} moves no tip at once, and the criterion "
+        "without couplings has its least where they rest, so that the platform drives straight on",
+        f"couple them to {yaw!r} (or another joint of the arm) by 'couplings' in [criterion] "
+        f"of robot {robot.name!r}: see docs/platforms.md#car-like",
+    )
+
+
+def _steering(subject: Subject) -> list[int]:
+    """Coordinates of the platform that change how it drives, by velocities that move no tip."""
+    robot = subject.robot
+    states = [q for q, _ in subject.states(_STEERED)]
+    maps = [robot.velocity_map(q)[:, : robot.n_alpha] for q in states]
+    # what each alpha does to the coordinates, and to the tip, at most
+    moves = np.max(np.abs(maps), axis=0)
+    tips = np.max(
+        [np.abs(robot.tip_jacobian(q)[:3] @ c) for q, c in zip(states, maps, strict=True)],
+        axis=(0, 1),
+    )
+    still = tips <= _NONE * max(1.0, float(tips.max(initial=0.0)))
+
+    def changes_the_way(q: Array, i: int) -> bool:
+        turned = q.copy()
+        turned[i] += _TURN
+        before, after = robot.velocity_map(q), robot.velocity_map(turned)
+        return bool(np.abs(after - before).max() > _NONE * np.abs(before).max())
+
+    # of knuckles that turn alike one is in the equations, and all are the steering
+    steers = np.zeros(robot.n_alpha, dtype=bool)
+    for a in np.flatnonzero(still):
+        moved = np.flatnonzero(moves[:, a])
+        steers[a] = any(changes_the_way(q, int(i)) for q in states for i in moved)
+    return [
+        int(i)
+        for i in robot.platform_index
+        if np.any(moves[i, steers] > 0.0) and not np.any(moves[i, ~steers] > 0.0)
+    ]
+
+
+# Singularities -----------------------------------------------------------------------------------------
+
+_POSTURES = 200
+_ROUNDING = 1e-5  # of the largest singular value at rest: rounding and a URDF's digits
+_NEARLY = 0.02  # of the smallest at the best posture: an elbow bent by a degree or two
+_UNEQUAL = 1e-8  # conditioning that leaves half the digits of a double
+_MANY = 0.25  # of the random postures
+
+
+@check("singularities", "the tip can be moved every way at rest, and the criterion tells the rest")
+def singularities(subject: Subject) -> Iterator[Remark]:
+    robot, m = subject.robot, TaskMap().m
+    if robot.nz < m:
+        yield does_not_apply(f"{robot.nz} degrees of freedom, fewer than the tip's {m}")
+        return
+    states = [robot.q_rest, *(q for q, _ in subject.states(_POSTURES))]
+    tips = [_least(robot.tip_jacobian(q)[:m] @ robot.velocity_map(q)) for q in states]
+    remarks = list(_posture(subject, states, tips))
+    yield from remarks
+    if any(remark.status == "wrong" for remark in remarks):
+        return  # the extended Jacobian is singular with the tip's
+    extended = ExtendedJacobian(robot, TaskMap(), Posture.of(robot))
+    at_rest, *elsewhere = (_conditioning(extended, q, m) for q in states)
+    share = float(np.mean(np.array(elsewhere) <= _UNEQUAL))
+    fix = f"check [criterion] of robot {robot.name!r}: weights that are too small or too unequal"
+    if at_rest <= _UNEQUAL:
+        yield warning(
+            "the criterion makes the extended Jacobian J nearly singular at rest: conditioning "
+            f"{at_rest:.2g} once its two parts are of one size",
+            fix,
+        )
+    elif share > _MANY:
+        yield warning(
+            f"the extended Jacobian J is nearly singular at {100.0 * share:.0f} % of random postures "
+            f"(conditioning below {_UNEQUAL:g})",
+            fix,
+        )
+    elif not remarks:
+        yield ok(
+            f"smallest singular value of the tip's Jacobian J_f C at rest: {tips[0]:.2g}; conditioning "
+            f"of the extended Jacobian: {at_rest:.2g} at rest, {np.median(elsewhere):.2g} at random "
+            "postures (median)"
+        )
+
+
+def _posture(subject: Subject, states: list[Array], tips: list[float]) -> Iterator[Remark]:
+    """Whether the tip can be moved every way at rest, by all joints and by the arm's alone."""
+    robot, m = subject.robot, TaskMap().m
+    fix = (
+        f"choose another posture in [rest] of robot {robot.name!r}: bend the elbow, keep axes from "
+        "lining up"
+    )
+    largest = np.linalg.norm(robot.tip_jacobian(states[0])[:m] @ robot.velocity_map(states[0]), 2)
+    rounding = _ROUNDING * float(largest)
+    if max(tips) <= rounding:
+        yield wrong(
+            "the tip's Jacobian J_f C is singular at rest and at every random posture: some way of the "
+            "tip is none that these joints move it",
+            f"check 'arm.tip' and what is held in 'urdf.lock' of robot {robot.name!r}",
+        )
+        return
+    found = f"smallest singular value {{:.2g}}, {{:.2g}} at the best of {len(states)} postures"
+    if tips[0] <= max(rounding, _NEARLY * max(tips)):
+        grade, how = (wrong, "") if tips[0] <= rounding else (warning, "nearly ")
+        values = found.format(tips[0], max(tips))
+        yield grade(f"the tip's Jacobian J_f C is {how}singular at rest: {values}", fix)
+        return
+    arm = [_least(robot.tip_jacobian(q)[:m, robot.arm_index]) for q in states]
+    # an arm that moves its tip in a plane only does no better anywhere
+    if max(arm) > rounding and arm[0] <= _NEARLY * max(arm):
+        yield warning(
+            "the arm is singular at rest, without the platform it cannot move the tip every way: "
+            + found.format(arm[0], max(arm)),
+            fix,
+        )
+
+
+def _least(jacobian: Array) -> float:
+    """The smallest singular value, of as many as there are rows."""
+    if jacobian.shape[1] < jacobian.shape[0]:
+        return 0.0
+    return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+
+
+def _conditioning(extended: ExtendedJacobian, q: Array, m: int) -> float:
+    """Smallest over largest singular value of J, the tip's rows and the criterion's of one size.
+
+    The criterion's are in its own unit, and a factor on all weights changes no motion.
+    """
+    try:
+        extended.at(q, np.zeros(len(extended.f)))
+    except SingularityError:
+        return 0.0
+    if not np.all(np.isfinite(extended.J)):
+        return 0.0
+    parts = [part for part in (extended.J[:m], extended.J[m:]) if part.size]
+    sizes = [float(np.linalg.norm(part, 2)) for part in parts]
+    if min(sizes) == 0.0:
+        return 0.0
+    scaled = np.vstack([part / size for part, size in zip(parts, sizes, strict=True)])
+    singular = np.linalg.svd(scaled, compute_uv=False)
+    return float(singular[-1] / singular[0])
+
+
+# Derivatives -------------------------------------------------------------------------------------------
+
+_COMPARED = 6  # states
+_TOLERANCE = 1e-5
+_STEP = 4e-3  # rad or m of the fastest coordinate
+_SHORT = 5e-4  # the same, for f_a, which bends sharply near singular postures
+_REGULAR = 1e-3  # singular value of [J_f; A] below which it does so too sharply for any step
+
+
+@check("derivatives", "Jacobians and rates agree with finite differences at random states")
+def derivatives(subject: Subject) -> Iterator[Remark]:
+    robot = subject.robot
+    worst: dict[str, float] = {}
+    for q, z in subject.states(_COMPARED):
+        for name, error in (*_tip_and_maps(subject, q, z), *_extended(subject, q, z)):
+            worst[name] = float(np.maximum(worst.get(name, 0.0), error))  # a NaN stays
+    bad = [f"{name} by {error:.2g}" for name, error in worst.items() if not error <= _TOLERANCE]
+    if bad:
+        yield wrong(
+            f"disagree with finite differences: {some(bad)}, relative",
+            f"check the platform's A, N and their derivatives (type {robot.spec.platform.type!r}) of "
+            f"robot {robot.name!r}, and that its numbers are of a size that doubles can carry",
+        )
+    else:
+        yield ok(f"{', '.join(worst)}: agree to {max(worst.values()):.1g} or better")
+
+
+def _tip_and_maps(subject: Subject, q: Array, z: Array) -> Iterator[tuple[str, float]]:
+    robot = subject.robot
+    q_dot = robot.velocity_map(q) @ z
+    tip = robot.tip_kinematics(q, z)
+    step = _STEP / max(1.0, float(np.abs(q_dot).max()))
+
+    def along(function: Callable[[Array], Array]) -> Array:
+        return derivative(lambda s: function(q + s * q_dot), step)
+
+    speed = along(lambda here: np.array(robot.tip_pose(here).translation))
+    yield "tip Jacobian", relative(tip.jacobian[:3] @ q_dot, speed)
+    yield "its rate", relative(tip.jacobian_rate, along(robot.tip_jacobian))
+    yield "C'", relative(robot.velocity_map_rate(q, z), along(robot.velocity_map))
+    yield "A'", relative(robot.constraint_matrix_rate(q, q_dot), along(robot.constraint_matrix))
+
+
+def _extended(subject: Subject, q: Array, z: Array) -> Iterator[tuple[str, float]]:
+    """J z against p' and J' z against the rate of J z at constant z, in axes carried from q."""
+    robot, task_map = subject.robot, TaskMap()
+    if robot.nz < task_map.m:
+        return
+    j = np.vstack([robot.tip_jacobian(q)[: task_map.m], robot.constraint_matrix(q)])
+    if np.linalg.svd(j, compute_uv=False)[-1] < _REGULAR:
+        return
+    extended = ExtendedJacobian(robot, task_map, Posture.of(robot))
+    extended.at(q, z)
+    axes, J, J_dot_z = extended.complement.copy(), extended.J.copy(), extended.J_dot_z.copy()
+    q_dot = robot.velocity_map(q) @ z
+    step = _SHORT / max(1.0, float(np.abs(q_dot).max()))
+
+    def at(s: float) -> ExtendedJacobian:
+        extended.complement[:] = axes
+        extended.at(q + s * q_dot, z)
+        return extended
+
+    try:
+        p_dot = derivative(lambda s: at(s).f.copy(), step)
+        p_ddot = derivative(lambda s: at(s).J @ z, step)
+    except SingularityError:
+        return
+    yield "J", relative(J @ z, p_dot)
+    yield "J' z", relative(J_dot_z, p_ddot)

@@ -1,0 +1,233 @@
+"""Checks of the geometry: what stands on the ground, the wheels' radius, and the mesh files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from mobman.checks.checks import (
+    Remark,
+    check,
+    does_not_apply,
+    named_wheels,
+    ok,
+    some,
+    warning,
+    wrong,
+)
+from mobman.checks.subject import Link, Subject
+from mobman.model.platforms.platform import Wheel
+from mobman.robots.urdf.meshes import MeshReference
+from mobman.robots.urdf.read import UrdfFile
+from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about
+
+_LEVEL = 1e-3  # m: how far an axle may be from its wheel's radius
+_BELOW = 5e-3  # m: casters and covers are often drawn a little too low
+_FAR_BELOW = 5e-2  # m
+_FLOATING = 2e-2  # m
+_UNSEEN = 0.2  # m: the same where the platform's wheels are not known, and perhaps not drawn
+_TILT = math.sin(math.radians(1.0))
+
+
+@check("ground", "all wheels stand on one ground, right and left, and nothing is below it")
+def ground(subject: Subject) -> Iterator[Remark]:
+    robot = subject.robot
+    if len(robot.platform_index) == 0:
+        yield does_not_apply("the base is fixed: the ground is wherever its user has it")
+        return
+    remarks = list(_levels(subject))
+    remarks += [remark for wheel in robot.platform.wheels for remark in _wheel(subject, wheel)]
+    lowest = {link.name: _lowest(subject, link) for link in subject.links.values() if link.solid}
+    remarks += _heights(subject, lowest)
+    yield from remarks
+    if not remarks:
+        count = len(robot.platform.wheels)
+        wheels = f"{count} wheels on the ground" if count else "no wheels among the coordinates"
+        if not lowest:
+            yield ok(f"{wheels}; there is no geometry to look at")
+            return
+        name = min(lowest, key=lowest.__getitem__)
+        yield ok(f"{wheels}; lowest is link {name!r} at {round(1e3 * lowest[name], 1) + 0.0:g} mm")
+
+
+def _levels(subject: Subject) -> Iterator[Remark]:
+    """Wheels that do not stand on the ground, those of one height together."""
+    heights: dict[str, list[str]] = {}
+    for wheel in subject.robot.platform.wheels:
+        height = float(subject.centre(wheel.joint)[2]) - wheel.radius
+        if abs(height) > _LEVEL:
+            heights.setdefault(f"{1e3 * height:+.1f}", []).append(wheel.joint)
+    for millimetres, joints in heights.items():
+        links = some(repr(link.name) for joint in joints for link in subject.links_on(joint))
+        each = "its" if len(joints) == 1 else "each one's"
+        yield wrong(
+            f"{named_wheels(joints)}: {each} lowest point is {millimetres} mm from the ground",
+            f"check <origin> of joint {', '.join(map(repr, joints))} (link {links}), and "
+            f"field 'platform.wheel_radius' of robot {subject.robot.name!r}",
+        )
+
+
+def _wheel(subject: Subject, wheel: Wheel) -> Iterator[Remark]:
+    axis, y = subject.axis(wheel.joint), float(subject.centre(wheel.joint)[1])
+    if abs(float(axis[2])) > _TILT:
+        yield wrong(
+            f"wheel {wheel.joint!r}: its axis is {axis.round(3).tolist()}, not horizontal",
+            f"check <axis> and <origin> of joint {wheel.joint!r} in the URDF",
+        )
+    words = wheel.joint.lower()
+    for word, other, side in (("left", "right", 1.0), ("right", "left", -1.0)):
+        if word in words and other not in words and side * y < -_LEVEL:
+            yield warning(
+                f"wheel {wheel.joint!r} is on the {other}, {abs(y):.3g} m from the middle",
+                f"check field 'platform.heading' of robot {subject.robot.name!r}: forward may be "
+                "backward",
+            )
+
+
+def _heights(subject: Subject, lowest: dict[str, float]) -> Iterator[Remark]:
+    robot = f"robot {subject.robot.name!r}"
+    fix = {
+        "unicycle": f"set field 'platform.height' of {robot} to the root link's height",
+        "custom": f"check root_offset of the platform's definition of {robot}",
+    }.get(
+        subject.robot.spec.platform.type,
+        f"check field 'platform.wheel_radius' of {robot} and <origin> of these links' geometry",
+    )
+    platform = {link.name for link in subject.platform_links}
+    low = {name: z for name, z in lowest.items() if z < -_BELOW}
+    named = some(f"link {name!r} at {1e3 * z:+.0f} mm" for name, z in low.items())
+    if any(z < -_FAR_BELOW for name, z in low.items() if name in platform):
+        yield wrong(f"geometry below the ground: {named}", fix)
+    elif low:
+        if not set(low) & platform:
+            fix = f"choose another posture in [rest] of {robot}"
+        yield warning(f"geometry below the ground at rest: {named}", fix)
+    standing = [z for name, z in lowest.items() if name in platform]
+    most = _FLOATING if subject.robot.platform.wheels else _UNSEEN
+    if standing and (least := min(standing)) > most:
+        yield warning(
+            f"the platform's lowest geometry is {1e3 * least:.0f} mm above the ground", fix
+        )
+
+
+def _lowest(subject: Subject, link: Link) -> float:
+    """Height of a link's lowest point at home (m)."""
+    rotation, position = subject.placement(link.name)
+    return float(position[2]) - max(shape.reach(-rotation[2]) for shape in link.solid)
+
+
+# Radius of the wheels ----------------------------------------------------------------------------------
+
+_NOTICED = 2e-3  # m
+_WRONG = 0.1  # of the radius
+
+
+@check("wheel-radius", "the wheels' radius is that of their geometry")
+def wheel_radius(subject: Subject) -> Iterator[Remark]:
+    if not subject.robot.platform.wheels:
+        yield does_not_apply("no wheels among the platform's coordinates")
+    alike: dict[tuple[float, str], tuple[list[str], dict[Use, float]]] = {}
+    for wheel in subject.robot.platform.wheels:
+        sizes = {use: size for use in USES if (size := _measured(subject, wheel, use)) is not None}
+        listing = " and ".join(f"{size:.4g} m in the {use} geometry" for use, size in sizes.items())
+        alike.setdefault((wheel.radius, listing), ([], sizes))[0].append(wheel.joint)
+    where = f"field 'platform.wheel_radius' of robot {subject.robot.name!r}"
+    for (radius, listing), (joints, sizes) in alike.items():
+        who = named_wheels(joints)
+        if not sizes:
+            yield warning(
+                f"{who}: no round geometry (that could be read) to compare the radius {radius:g} m "
+                "with",
+                f"compare {where} with the wheels' data sheet",
+            )
+            continue
+        # what a simulator lets roll; a visual mesh may have hubs and covers
+        use, size = next(iter(sizes.items()))
+        found, gap = f"{who}: radius {radius:g} m, {listing}", abs(size - radius)
+        links = ", ".join(repr(link.name) for name in joints for link in subject.links_on(name))
+        fix = f"set {where} to {size:.4g}, or correct the <{use}> of link {links}"
+        if gap > _NOTICED:
+            yield (wrong if gap > _WRONG * radius else warning)(found, fix)
+        else:
+            yield ok(found)
+
+
+def _measured(subject: Subject, wheel: Wheel, use: Use) -> float | None:
+    """The radius of a wheel's geometry (m); None if it is not known or not round."""
+    links = subject.links_on(wheel.joint)
+    shapes = [
+        shape.placed(*subject.placement(link.name))
+        for link in links
+        for shape in link.shapes
+        if shape.use == use
+    ]
+    if not shapes or any(use in link.incomplete for link in links):
+        return None  # what is left of an incomplete one may be the hub only
+    centre, axis = subject.centre(wheel.joint), subject.axis(wheel.joint)
+    # rollers are round together only, and a wheel with its bracket by itself only
+    radii = [radius_about(shape, centre, axis) for shape in shapes]
+    radii.append(extent_about(shapes, centre, axis))
+    return max((radius for radius in radii if radius is not None), default=None)
+
+
+# Mesh files --------------------------------------------------------------------------------------------
+
+
+@check("meshes", "every mesh that the URDFs name is there, can be read and travels with them")
+def meshes(subject: Subject) -> Iterator[Remark]:
+    if not subject.meshes:
+        yield does_not_apply("the robot has no meshes")
+        return
+    named, reader = [mesh for mesh, _ in subject.meshes], subject.mesh_reader
+    remarks = []
+    # the equations need no mesh, so that none of this is worse than a warning
+    if missing := [mesh for mesh in named if mesh.path is None]:
+        remarks.append(
+            warning(
+                _listed(missing, "missing"),
+                "put the files there, or name their packages' folder in field 'urdf.packages' of robot "
+                f"{subject.robot.name!r}; the equations need none, the viewer does",
+            )
+        )
+    paths = dict.fromkeys(mesh.path for mesh in named if mesh.path is not None)
+    if reasons := [reader.unreadable[path] for path in paths if reader.vertices(path) is None]:
+        remarks.append(
+            warning(
+                f"{_meshes(len(reasons))} unreadable: {some(reasons, '; ')}",
+                "replace these files: they are damaged, or of a format that is not read (STL, DAE and "
+                "OBJ are)",
+            )
+        )
+    if outside := [mesh for mesh, urdf in subject.meshes if _does_not_travel(mesh, urdf)]:
+        remarks.append(
+            warning(
+                _listed(outside, "outside the URDF's package"),
+                "name these meshes by package://NAME/..., or relative to the URDF",
+            )
+        )
+    yield from remarks or [ok(f"{len(paths)} files, all read")]
+
+
+def _does_not_travel(mesh: MeshReference, urdf: UrdfFile) -> bool:
+    """True if a mesh is named by a place that is not in the package of its URDF."""
+    scheme, separator, _ = mesh.filename.partition("://")
+    if separator and scheme != "file":
+        return False
+    if scheme == "file" or Path(mesh.filename).is_absolute():
+        return True
+    # the package is, by convention, two folders up: NAME/urdf or NAME/robots
+    folder = urdf.path.parent
+    marked = (above for above in (folder, *folder.parents) if (above / "package.xml").is_file())
+    return not (folder / mesh.filename).resolve().is_relative_to(next(marked, folder.parent))
+
+
+def _listed(meshes: Sequence[MeshReference], fault: str) -> str:
+    links: dict[str, str] = {}
+    for mesh in meshes:
+        links.setdefault(mesh.filename, f"{mesh.filename!r} of link {mesh.link!r} ({mesh.use})")
+    return f"{_meshes(len(links))} {fault}: {some(links.values())}"
+
+
+def _meshes(count: int) -> str:
+    return f"{count} mesh{'es' if count > 1 else ''}"

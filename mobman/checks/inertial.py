@@ -1,0 +1,407 @@
+"""Checks of masses and inertias, of what gravity asks of the motors, and of the joints' limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+
+from mobman.arrays import Array
+from mobman.checks.checks import Remark, check, derivative, ok, relative, some, warning, wrong
+from mobman.checks.subject import Link, Subject
+from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.robots.urdf.shapes import bounds
+
+_ZERO = 1e-12  # kg m^2
+_TRIANGLE = 0.01  # of the largest moment: rounded numbers break the inequality by that much
+_LIGHT, _DENSE = 20.0, 20_000.0  # kg/m^3: foam, and gold
+_HEAVY = 1e-3  # of the robot's mass: what is lighter may have any density
+_OUTSIDE = 0.05  # m, and half the geometry's diagonal
+_FEW, _MANY = 0.1, 10_000.0  # kg: masses of robots
+_CONDITION, _SINGULAR = 1e8, 1e12  # of M scaled to a diagonal of ones: digits that are lost
+_SPREAD = 1e10  # of effective inertias: torsos of 100 kg and fingers of grams are within it
+
+
+@check("inertias", "masses and inertias are those of bodies that can be")
+def inertias(subject: Subject) -> Iterator[Remark]:
+    robot = subject.robot
+    weighing = [link for link in subject.links.values() if link.mass]
+    total = float(sum(link.mass or 0.0 for link in weighing))
+    yield from _masses(subject)
+    yield from _moments(subject, weighing)
+    yield from _densities(subject, weighing, total)
+    yield from _centres(subject, weighing, total)
+    yield from _proportions(subject, total)
+    yield from _condition(subject)
+    yield ok(
+        f"{total:.4g} kg in {len(weighing)} links; condition of M at rest "
+        f"{np.linalg.cond(robot.reduced_inertia(robot.q_rest)):.2g}"
+    )
+
+
+def _where(subject: Subject, links: Iterable[Link]) -> str:
+    return some(sorted({subject.file_of(link.name) for link in links}))
+
+
+def _named(links: Iterable[Link]) -> str:
+    return some(repr(link.name) for link in links)
+
+
+def _masses(subject: Subject) -> Iterator[Remark]:
+    """Bodies that move and weigh nothing."""
+    robot, model = subject.robot, subject.robot.model
+    without = {}
+    for name in robot.joint_names:
+        index, body = model.getJointId(name), subject.links_on(name)
+        if name in BASE_JOINTS or model.inertias[index].mass > 0.0 or not body:
+            continue
+        behind = sum(model.inertias[i].mass for i in list(model.subtrees[index]))
+        # a massless link between two joints that cross is common and harmless, if it has no shape
+        if behind == 0.0 or any(link.shapes for link in body):
+            without[name] = body[0]
+    if not without:
+        return
+    where = _where(subject, without.values())
+    fix = f"give an <inertial> with <mass> and <inertia> to these links in {where}"
+    listing = some(f"link {link.name!r} (joint {name!r})" for name, link in without.items())
+    found = f"moves without mass: {listing}"
+    diagonal = np.diag(robot.reduced_inertia(robot.q_rest))
+    felt = dict(zip(robot.velocity_names, diagonal / diagonal.max(), strict=True))
+    if suffers := [name for name in without if felt.get(name, 1.0) < _ZERO]:
+        yield wrong(f"{found}; the motors of {some(suffers)} feel no inertia", fix)
+    else:
+        yield warning(found, fix)
+
+
+def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Remark]:
+    bodies = _bodies(subject)
+    # links that are fixed to others make up one body with them: that is what moves
+    spoilt = {
+        link.name
+        for joint, moments in bodies.items()
+        if moments[0] < -_ZERO
+        for link in subject.links_on(joint)
+    }
+    negative = [link for link in weighing if link.moments[0] < -_ZERO]
+    for spoils, grade, consequence in (
+        (True, wrong, "which spoils the body that moves"),
+        (False, warning, "though not of the bodies that move"),
+    ):
+        if links := [link for link in negative if (link.name in spoilt) is spoils]:
+            yield grade(
+                f"negative principal moment of inertia, {consequence}: {_values(links)}",
+                f"check the signs and the unit (kg m^2) of <inertia> in {_where(subject, links)}",
+            )
+    for joint, moments in bodies.items():
+        if abs(moments[0]) > _ZERO:
+            continue
+        links = [link for link in subject.links_on(joint) if link.mass]
+        text = ", ".join(f"{moment:.3g}" for moment in moments)
+        yield warning(
+            f"mass without all moments of inertia ({text}): what joint {joint!r} moves",
+            f"give <inertia> to {_named(links)} in {_where(subject, links)}",
+        )
+    impossible = [
+        link
+        for link in weighing
+        if link.moments[0] >= -_ZERO
+        and link.moments[0] + link.moments[1] < (1.0 - _TRIANGLE) * link.moments[2] - _ZERO
+    ]
+    if impossible:
+        yield warning(
+            f"two principal moments do not add up to the third: {_values(impossible)}",
+            f"check <inertia> of these links in {_where(subject, impossible)}: no body has such moments",
+        )
+    massless = [link for link in subject.links.values() if link.mass == 0.0]
+    if empty := [link for link in massless if np.any(link.moments > _ZERO)]:
+        yield warning(
+            f"moments of inertia without mass: links {_named(empty)}",
+            f"give <mass> to these links in {_where(subject, empty)}",
+        )
+
+
+def _bodies(subject: Subject) -> dict[str, Array]:
+    """Principal moments of what each joint moves and has mass, ascending (kg m^2), shape (3,)."""
+    model = subject.robot.model
+    bodies = {name: model.inertias[model.getJointId(name)] for name in subject.robot.joint_names}
+    return {
+        name: np.linalg.eigvalsh(np.array(body.inertia))
+        for name, body in bodies.items()
+        if name not in BASE_JOINTS[:2] and body.mass > 0.0
+    }
+
+
+def _values(links: list[Link]) -> str:
+    return some(
+        (f"link {link.name!r} ({', '.join(f'{m:.3g}' for m in link.moments)})" for link in links),
+        "; ",
+    )
+
+
+def _densities(subject: Subject, weighing: list[Link], total: float) -> Iterator[Remark]:
+    heavy, light, floor = {}, {}, _HEAVY * total
+    for link in weighing:
+        mass = link.mass or 0.0
+        lower, upper = bounds(link.solid) if link.solid else np.zeros((2, 3))
+        volume = float(np.prod(upper - lower))
+        if volume <= 0.0:
+            continue  # flat, or without geometry
+        size = f"{1e3 * volume:.3g} litres" if volume >= 1e-6 else f"{1e9 * volume:.3g} mm^3"
+        text = f"link {link.name!r} weighs {mass:.4g} kg for {size}"
+        if mass > _DENSE * volume and mass > floor:
+            heavy[text] = link
+        elif mass < _LIGHT * volume and volume > floor / _LIGHT:
+            light[text] = link
+    for found, hint in (
+        (heavy, "grams instead of kilograms, or geometry in millimetres or of a small part only?"),
+        (light, "tonnes instead of kilograms, or a part that was left out?"),
+    ):
+        if found:
+            where = f"{_named(found.values())} in {_where(subject, found.values())}"
+            yield warning(some(found, "; "), f"check <mass> of {where} ({hint})")
+
+
+def _centres(subject: Subject, weighing: list[Link], total: float) -> Iterator[Remark]:
+    """Centres of mass that are not in their link."""
+    outside = {}
+    for link in weighing:
+        if not link.solid or (link.mass or 0.0) < _HEAVY * total:
+            continue
+        lower, upper = bounds(link.solid)
+        away = float(np.linalg.norm(link.com - np.clip(link.com, lower, upper)))
+        if away > max(_OUTSIDE, 0.5 * float(np.linalg.norm(upper - lower))):
+            outside[f"link {link.name!r} by {away:.3g} m"] = link
+    if outside:
+        where = _where(subject, outside.values())
+        yield warning(
+            f"centre of mass outside the geometry: {some(outside)}",
+            f"check <inertial><origin> of these links in {where} (millimetres?)",
+        )
+
+
+def _proportions(subject: Subject, total: float) -> Iterator[Remark]:
+    robot, model = subject.robot, subject.robot.model
+    if not _FEW <= total <= _MANY:
+        yield warning(
+            f"the robot weighs {total:.4g} kg in all", f"check every <mass> in {subject.files} (kg)"
+        )
+    if not robot.platform.wheels or len(robot.platform_index) == 0:
+        return
+    chassis = float(model.inertias[model.getJointId("base_theta")].mass)
+    wheels = {
+        w.joint: model.inertias[model.getJointId(w.joint)].mass for w in robot.platform.wheels
+    }
+    if heavy := {joint: mass for joint, mass in wheels.items() if mass > chassis}:
+        links = [link for joint in heavy for link in subject.links_on(joint)]
+        masses = some(f"{joint!r} {mass:.4g} kg" for joint, mass in heavy.items())
+        yield warning(
+            f"wheels that are heavier than the chassis of {chassis:.4g} kg: {masses}",
+            f"check <mass> of {_named(links)} in {_where(subject, links)}",
+        )
+
+
+def _condition(subject: Subject) -> Iterator[Remark]:
+    robot = subject.robot
+    m = robot.reduced_inertia(robot.q_rest)
+    diagonal = np.diag(m)
+    condition = float(np.linalg.cond(m / np.sqrt(np.outer(diagonal, diagonal))))
+    if condition > _CONDITION:
+        yield (wrong if condition > _SINGULAR else warning)(
+            f"the reduced inertia M at rest has a condition of {condition:.2g}, units aside",
+            f"check the <inertial> elements of {subject.files}: a body has hardly any inertia",
+        )
+    if float(diagonal.max()) > _SPREAD * float(diagonal.min()):
+        name = robot.velocity_names[int(np.argmin(diagonal))]
+        yield warning(
+            f"{name!r} feels an inertia of {diagonal.min():.2g} (kg m^2 or kg), others of "
+            f"{diagonal.max():.2g}",
+            f"check the <inertial> elements of what {name!r} moves in {subject.files}",
+        )
+
+
+# Gravity -----------------------------------------------------------------------------------------------
+
+_GRADIENT = 1e-6
+_STEP = 1e-2
+_STATES = 5
+_PLATFORM = 1e-6  # of the robot's weight, at a lever of 1 m
+_EARTH = (9.0, 10.0)  # m/s^2
+
+
+@check("gravity", "gravity pulls down, and the motors can hold the rest posture")
+def gravity(subject: Subject) -> Iterator[Remark]:
+    robot = subject.robot
+    _, bias, b = robot.dynamics(robot.q_rest, np.zeros(robot.nz))
+    holding: Array = robot.actuation(robot.q_rest) @ np.linalg.solve(b, bias)
+    pull = np.array(robot.model.gravity.linear)
+    remarks = []
+    if np.any(np.abs(pull[:2]) > 1e-9) or not _EARTH[0] <= -pull[2] <= _EARTH[1]:
+        remarks.append(
+            wrong(
+                f"gravity is {pull.round(4).tolist()} m/s^2",
+                "set model.gravity to 9.81 m/s^2 along -z: the platform drives on level ground",
+            )
+        )
+    remarks += [*_gradient(subject), *_on_the_platform(subject, bias)]
+    units = {name: "N m" if subject.turns(name) else "N" for name in robot.joint_names}
+    limits = robot.model.effortLimit
+    arm = {robot.joint_names[i]: (abs(float(holding[i])), limits[i]) for i in robot.arm_index}
+    weak = some(
+        f"joint {name!r} needs {force:.3g} of {effort:.3g} {units[name]}"
+        for name, (force, effort) in arm.items()
+        if 0.0 < effort < force
+    )
+    if weak:
+        remarks.append(
+            warning(
+                f"the motors cannot hold the rest posture: {weak}",
+                f"choose another [rest] of robot {robot.name!r}, or check <limit effort> of these "
+                f"joints and the masses behind them in {subject.files}",
+            )
+        )
+    yield from remarks
+    if not remarks:
+        name = max(arm, key=lambda name: arm[name][0])
+        yield ok(f"held at rest by at most {arm[name][0]:.3g} {units[name]}, of joint {name!r}")
+
+
+def _gradient(subject: Subject) -> Iterator[Remark]:
+    robot, worst, data = subject.robot, 0.0, subject.robot.model.createData()
+
+    def potential(q: Array, q_dot: Array, s: float) -> Array:
+        return np.array([pin.computePotentialEnergy(robot.model, data, q + s * q_dot)])
+
+    for q, z in subject.states(_STATES):
+        q_dot, (_, bias, _) = robot.velocity_map(q) @ z, robot.dynamics(q, np.zeros(robot.nz))
+        step = _STEP / max(1.0, float(np.abs(q_dot).max()))
+        rise = derivative(partial(potential, q, q_dot), step)
+        worst = max(worst, relative(np.array([bias @ z]), rise))
+    if worst > _GRADIENT:
+        yield wrong(
+            f"the gravity term differs from the potential energy's gradient by {worst:.2g} of it",
+            f"check the <inertial> elements of {subject.files} and the platform's N",
+        )
+
+
+def _on_the_platform(subject: Subject, bias: Array) -> Iterator[Remark]:
+    robot = subject.robot
+    pull = float(np.linalg.norm(np.array(robot.model.gravity.linear)))
+    weight = pull * sum(float(link.mass) for link in robot.model.inertias)
+    # a motion of alpha counts for as much as it moves the coordinates
+    size = np.abs(robot.velocity_map(robot.q_rest)[:, : robot.n_alpha]).max(axis=0, initial=0.0)
+    unbalanced = some(
+        f"{name} {force:.3g}"
+        for name, force, lever in zip(robot.velocity_names, bias, size, strict=False)
+        if abs(force) > _PLATFORM * weight * max(float(lever), 1e-12)
+    )
+    if unbalanced:
+        yield warning(
+            f"gravity drives the platform on level ground: {unbalanced} N m or N",
+            f"check <inertial><origin> of the wheels in {subject.files}: their centre of mass is "
+            "off the axle",
+        )
+
+
+# Limits ------------------------------------------------------------------------------------------------
+
+_UNBOUNDED = 1e8  # what continuous joints have is above it
+_NEAR = 0.01  # of the range
+_TURNS = 4.0 * math.pi  # rad: joints that turn further are rare, limits in degrees are not
+_SLIDES = 10.0  # m: the same for limits in millimetres
+_FAST = 50.0  # rad/s: joints of arms that are faster are rare, limits in degrees a second are not
+_STEERING = 0.5 * math.pi - 1e-3  # rad
+
+
+@check("limits", "limits are there, in radians and metres, and the rest posture is inside them")
+def limits(subject: Subject) -> Iterator[Remark]:
+    remarks = [*_rest(subject), *_missing(subject), *_units(subject), *_steering(subject)]
+    yield from remarks or [ok("positions, velocities and efforts are limited, and rest is inside")]
+
+
+def _rest(subject: Subject) -> Iterator[Remark]:
+    robot, model, near = subject.robot, subject.robot.model, []
+    for i, name in enumerate(robot.joint_names):
+        rest = float(robot.q_rest[i])
+        lower, upper = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+        span, margin = upper - lower, min(rest - lower, upper - rest)
+        if span <= 0.0:
+            yield wrong(
+                f"joint {name!r} cannot move: its limits are {lower:g} and {upper:g}",
+                f"check <limit lower upper> of joint {name!r} in the URDF, or lock it in 'urdf.lock'",
+            )
+        elif not margin >= 0.0:
+            yield wrong(
+                f"joint {name!r} rests at {rest:.4g}, outside {lower:.4g} to {upper:.4g}",
+                f"choose another field 'rest.{name}' of robot {robot.name!r}",
+            )
+        elif span < _UNBOUNDED and margin < _NEAR * span:
+            near.append(f"joint {name!r} at {rest:.4g} of {lower:.4g} to {upper:.4g}")
+    if near:
+        yield warning(
+            f"rests at a limit: {some(near)}",
+            f"move it away from there in [rest] of robot {robot.name!r}: nothing stops a joint there",
+        )
+
+
+def _missing(subject: Subject) -> Iterator[Remark]:
+    robot, model = subject.robot, subject.robot.model
+    driven = np.any(robot.actuation(robot.q_rest) != 0.0, axis=1)  # front wheels of cars are not
+    for kind, values, needed in (
+        ("velocity", model.velocityLimit, np.ones(robot.nq, dtype=bool)),
+        ("effort", model.effortLimit, driven),
+    ):
+        lacking = some(
+            repr(name)
+            for name, value, wanted in zip(robot.joint_names, values, needed, strict=True)
+            if name not in BASE_JOINTS and wanted and not (math.isfinite(value) and value > 0.0)
+        )
+        if lacking:
+            yield warning(
+                f"no {kind} limit: joints {lacking}",
+                f"give {kind} in <limit> of these joints in the URDF, if it is to be compared with",
+            )
+
+
+def _units(subject: Subject) -> Iterator[Remark]:
+    robot, model = subject.robot, subject.robot.model
+    wheels = {wheel.joint for wheel in robot.platform.wheels}
+    for i, name in enumerate(robot.joint_names):
+        if name in BASE_JOINTS:
+            continue
+        ends = np.abs([model.lowerPositionLimit[i], model.upperPositionLimit[i]])
+        largest, turns = float(ends[ends < _UNBOUNDED].max(initial=0.0)), subject.turns(name)
+        limit = f"of joint {name!r} in the URDF"
+        # wheels turn on and on: huge limits are how some exporters write that
+        if name not in wheels and largest > (_TURNS if turns else _SLIDES):
+            unit, other = ("rad", "degrees") if turns else ("m", "millimetres")
+            yield warning(
+                f"joint {name!r} has a limit of {largest:g} {unit}",
+                f"check <limit> {limit}: {other} instead of {unit}?",
+            )
+        speed = float(model.velocityLimit[i])
+        if turns and i in robot.arm_index and _FAST < speed < _UNBOUNDED:
+            yield warning(
+                f"joint {name!r} may turn at {speed:g} rad/s",
+                f"check <limit velocity> {limit}: degrees instead of rad?",
+            )
+        if turns and largest == 0.0 and abs(robot.q_rest[i]) > _TURNS:
+            yield warning(
+                f"joint {name!r} rests at {robot.q_rest[i]:g} rad",
+                f"check field 'rest.{name}' of robot {robot.name!r}: degrees instead of rad?",
+            )
+
+
+def _steering(subject: Subject) -> Iterator[Remark]:
+    robot, model = subject.robot, subject.robot.model
+    for name in subject.steering:
+        i = robot.joint_names.index(name)
+        largest = max(abs(float(model.lowerPositionLimit[i])), float(model.upperPositionLimit[i]))
+        if largest >= _STEERING:
+            limit = f"{largest:.4g} rad" if largest < _UNBOUNDED else "any angle"
+            yield warning(
+                f"steering joint {name!r} may turn to {limit}; at pi/2 the model is singular",
+                f"limit joint {name!r} in the URDF to what the mechanism can do, below 1.57 rad",
+            )
