@@ -1,1 +1,1 @@
-"""The command line: thin, it parses, calls and prints."""
+"""Command line: parses, calls and prints."""

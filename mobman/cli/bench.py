@@ -2,16 +2,133 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
 
-from mobman.cli.bench_merge import merge_command
-from mobman.cli.bench_progress import SuiteProgress
-from mobman.cli.bench_suites import list_command, show_command
-from mobman.cli.bench_tune import tune
-from mobman.cli.interruption import interrupted_once
-from mobman.cli.output import echo
+from mobman.cli.output import (
+    FOLDER,
+    JSON,
+    POSITIVE,
+    Display,
+    console,
+    echo,
+    interrupted_once,
+    number,
+    print_json,
+    table,
+)
+from mobman.cli.tune import tune
+from mobman.printable import printable
+
+if TYPE_CHECKING:
+    from mobman.benchmark.run_spec import RunSpec
+    from mobman.benchmark.runner import Event, Summary
+    from mobman.benchmark.suite import Suite
+
+_MOST_NAMED = 40
+
+
+@click.group()
+def bench() -> None:
+    """Suites of the comparative benchmark: list, show, tune, run, report, merge."""
+
+
+bench.add_command(tune)
+
+
+@bench.command("list")
+@JSON
+def list_command(as_json: bool) -> None:
+    """List the suites."""
+    from mobman.benchmark.suite import list_suites, load_suite
+
+    suites = [load_suite(name) for name in list_suites()]
+    rows = [
+        {"name": suite.name, "runs": suite.size(), "description": suite.description}
+        for suite in suites
+    ]
+    if as_json:
+        print_json(rows)
+        return
+    listing = table("suite", "runs", "description", right={"runs"})
+    for row in rows:
+        listing.add_row(*map(str, row.values()))
+    console().print(listing)
+
+
+@bench.command("show")
+@click.argument("suite")
+@click.option("--runs", "each", is_flag=True, help="List every run.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, with every run.")
+def show_command(suite: str, each: bool, as_json: bool) -> None:
+    """Show what SUITE (a name or a TOML file) contains, and check all of it; nothing is run."""
+    from mobman.benchmark.suite import load_suite
+    from mobman.model.platforms.types.custom import without_code
+
+    chosen = load_suite(suite)
+    with without_code():
+        runs = chosen.runs()
+    if as_json:
+        listing = [{"run_id": run.run_id, **asdict(run)} for run in runs]
+        print_json({"suite": chosen.model_dump(mode="json", by_alias=True), "runs": listing})
+        return
+    out = console()
+    out.print(f"{chosen.name}: {chosen.description}")
+    out.print(_contents(chosen, runs))
+    out.print(_controllers(runs))
+    if each:
+        for run in runs:
+            echo(f"{run.run_id}  {run}")
+
+
+def _contents(suite: Suite, runs: list[RunSpec]) -> Table:
+    simulated = sum(run.duration for run in runs)
+    facts = {
+        "runs": f"{len(runs)}, in {len({run.cell for run in runs})} cells; {simulated:g} s simulated",
+        "robots": _names(run.robot for run in runs),
+        "tasks": _names(run.task for run in runs),
+        "scenarios": _names(run.scenario["name"] for run in runs),
+        "durations": _names(f"{run.duration:g} s" for run in runs),
+        "dt": _names(f"{run.dt:g} s" for run in runs),
+        "seeds": _names(str(run.seed) for run in runs),
+        "time limit": f"{suite.time_limit:g} s a run, wall time",
+        "samples": f"one every {suite.record_period:g} s in the files",
+    }
+    listing = table()
+    listing.add_column(style="bold")
+    for name, fact in facts.items():
+        listing.add_row(name, fact)
+    return listing
+
+
+def _controllers(runs: list[RunSpec]) -> Table:
+    robots: dict[tuple[str, str, str], dict[str, None]] = {}
+    for run in runs:
+        gains = ", ".join(f"{name} = {value}" for name, value in run.gains.items())
+        robots.setdefault((run.label, run.law, gains), {})[run.robot] = None
+    labels = [label for label, *_ in robots]
+    listing = table("controller", "law", "gains in addition to the defaults")
+    for key in sorted(robots, key=lambda key: labels.index(key[0])):
+        label, law, gains = key
+        note = f" ({', '.join(robots[key])})" if labels.count(label) > 1 else ""
+        listing.add_row(label, law, (gains or "none") + note)
+    return listing
+
+
+def _names(names: Iterable[str]) -> str:
+    found = list(dict.fromkeys(names))
+    more = f" ... ({len(found)})" if len(found) > _MOST_NAMED else ""
+    return ", ".join(found[:_MOST_NAMED]) + more
+
+
+# run ---------------------------------------------------------------------------------------------------
 
 
 def _part(
@@ -26,47 +143,27 @@ def _part(
     return int(first), int(count)
 
 
-@click.group()
-def bench() -> None:
-    """Suites of the comparative benchmark: list, show, tune, run, report, merge."""
-
-
-bench.add_command(list_command)
-bench.add_command(show_command)
-bench.add_command(merge_command)
-bench.add_command(tune)
-
-
 @bench.command("run")
 @click.argument("suite")
 @click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of the results; results/SUITE by default.",
+    "-o", "--output", type=FOLDER, help="Folder of the results; results/SUITE by default."
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; one a core by default.")
 @click.option(
     "--dask", metavar="ADDRESS", help="Run on the cluster of this Dask scheduler (tcp://host:8786)."
 )
-@click.option("--fresh", is_flag=True, help="Run everything anew, also what is there already.")
+@click.option("--fresh", is_flag=True, help="Re-run everything, ignoring existing results.")
 @click.option(
     "--part", metavar="K/N", callback=_part, help="Every N-th run, from the K-th on; no report."
 )
 @click.option(
     "--time-limit",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     metavar="S",
     help="Wall time that a run may take (s); the suite's by default.",
 )
 def run_command(
-    suite: str,
-    output: Path | None,
-    workers: int | None,
-    dask: str | None,
-    fresh: bool,
-    part: tuple[int, int] | None,
-    time_limit: float | None,
+    suite: str, output: Path | None, part: tuple[int, int] | None, **options: Any
 ) -> None:
     """Run SUITE (a name or a TOML file) and write its report.
 
@@ -76,51 +173,34 @@ def run_command(
     from mobman.benchmark.suite import load_suite
 
     chosen = load_suite(suite)
-    if dask is None:
+    if options["dask"] is None:
         from mobman.benchmark.running.worker_processes import start_ahead
 
         start_ahead()  # while the following is imported
     from mobman.benchmark.runner import run_suite
 
     folder = output or Path("results") / chosen.name
-    display = SuiteProgress()
+    display = _SuiteDisplay()
     with interrupted_once():
         try:
             with display:
-                summary = run_suite(
-                    chosen,
-                    folder,
-                    workers=workers,
-                    dask=dask,
-                    fresh=fresh,
-                    part=part,
-                    time_limit=time_limit,
-                    on_event=display.tell,
-                )
+                summary = run_suite(chosen, folder, part=part, on_event=display.tell, **options)
         except KeyboardInterrupt:
-            echo(f"mobman: {_interrupted(display, folder)}", err=True)
-            raise click.exceptions.Exit(130) from None
-    ended = sum(outcome.status in ("diverged", "singular") for outcome in summary.outcomes)
-    done = f"{summary.asked} runs: {summary.skipped} were there"
-    if summary.outcomes:
-        done += (
-            f", {len(summary.outcomes)} done in {summary.seconds:.0f} s with {summary.workers} "
-            f"{'worker' if summary.workers == 1 else 'workers'}; {ended} of these diverged or met a "
-            f"singularity, {len(summary.failed)} failed"
-        )
-    echo(done)
-    for outcome in summary.failed:
-        echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
+            _leave(
+                f"interrupted after {display.there} of {display.asked} runs; what was done is kept in "
+                f"{folder}, the same command goes on from there"
+                if display.asked
+                else "interrupted before the first run"
+            )
+    _tell(summary)
     if part is None:
         try:
             _report(folder)
         except KeyboardInterrupt:
-            echo(
-                f"mobman: interrupted; all runs are kept in {folder}, their report is written by: "
-                f"mobman bench report {folder}",
-                err=True,
+            _leave(
+                f"interrupted; all runs are kept in {folder}, their report is written by: "
+                f"mobman bench report {folder}"
             )
-            raise click.exceptions.Exit(130) from None
     else:
         echo(
             f"part {part[0]} of {part[1]} is in {folder}; the parts are joined by: "
@@ -130,22 +210,84 @@ def run_command(
         raise click.exceptions.Exit(1)
 
 
-def _interrupted(display: SuiteProgress, folder: Path) -> str:
-    if not display.asked:
-        return "interrupted before the first run"
-    return (
-        f"interrupted after {display.there} of {display.asked} runs; what was done is kept in {folder}, "
-        "the same command goes on from there"
-    )
+def _leave(message: str) -> None:
+    echo(f"mobman: {message}", err=True)
+    raise click.exceptions.Exit(130) from None
+
+
+def _tell(summary: Summary) -> None:
+    done = f"{summary.asked} runs: {summary.skipped} were there"
+    if summary.outcomes:
+        ended = sum(outcome.status in ("diverged", "singular") for outcome in summary.outcomes)
+        done += (
+            f", {len(summary.outcomes)} done in {summary.seconds:.0f} s with {summary.workers} "
+            f"{'worker' if summary.workers == 1 else 'workers'}; {ended} of these diverged or met a "
+            f"singularity, {len(summary.failed)} failed"
+        )
+    echo(done)
+    for outcome in summary.failed:
+        echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
+
+
+class _SuiteDisplay(Display):
+    """Shows a suite's events; the bar and the time left go by ticks, since runs differ in length."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            TextColumn("{task.fields[counts]}", markup=False),
+            BarColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            speed_estimate_period=float("inf"),  # a run may be longer than any period
+        )
+        self._ended = self._failed = self._running = 0
+        self._note = ""
+        self.asked = 0
+        """Runs of the suite; 0 before it has started."""
+        self.there = 0
+        """Those of them that are there, or have failed."""
+
+    def tell(self, event: Event) -> None:
+        """Show an event."""
+        from mobman.benchmark import runner
+
+        match event:
+            case runner.Started(asked, skipped, todo):
+                self.asked, self.there = asked, skipped
+                self._progress.update(self._bar, total=sum(run.duration / run.dt for run in todo))
+            case runner.Running(count):
+                self._running = count
+            case runner.Ended(outcome):
+                self.there += 1
+                self._failed += outcome.status == "failed"
+                self._ended += outcome.status in ("diverged", "singular")
+                self._progress.update(self._bar, advance=outcome.run.duration / outcome.run.dt)
+                if not self.live:
+                    self.say(
+                        f"[{self.there}/{self.asked}] {outcome.run}: {outcome.status}, "
+                        f"|e_e| {number(outcome.task_error)} m"
+                    )
+            case runner.Again(run, reason):
+                self.say(f"once more: {run}: {reason}")
+            case runner.Waiting(reason):
+                self._note = f"waiting: {reason}" if reason else ""
+                if reason:
+                    self.say(self._note)
+        counts = (
+            f"{self.there}/{self.asked} runs, {self._running} running, {self._ended} diverged, "
+            f"{self._failed} failed"
+        )
+        self._progress.update(self._bar, counts=counts, note=printable(self._note))
+
+
+# report and merge --------------------------------------------------------------------------------------
 
 
 @bench.command("report")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Write the report here and leave FOLDER as it is.",
+    "-o", "--output", type=FOLDER, help="Write the report here and leave FOLDER as it is."
 )
 @click.option(
     "--cell",
@@ -154,31 +296,17 @@ def _interrupted(display: SuiteProgress, folder: Path) -> str:
     metavar="NAME",
     help="Draw this cell, 'ROBOT, TASK, SCENARIO' with * for any text; may be given several times.",
 )
-@click.option(
-    "--latex",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Write LaTeX tables and figures as PDF here, too.",
-)
+@click.option("--latex", type=FOLDER, help="Write LaTeX tables and figures as PDF here, too.")
 @click.option("--replays", is_flag=True, help="Write a page of each run, FOLDER/replays/ID.html.")
-def report_command(
-    folder: Path, output: Path | None, cells: tuple[str, ...], latex: Path | None, replays: bool
-) -> None:
-    """Write the report of the results in FOLDER anew, and its index."""
-    _report(folder, replays=replays, output=output, cells=cells, latex=latex)
+def report_command(folder: Path, replays: bool, **options: Any) -> None:
+    """Write the report of the results in FOLDER again, and its index."""
+    _report(folder, write_replay=_write_replay if replays else None, **options)
 
 
-def _report(
-    folder: Path,
-    *,
-    replays: bool = False,
-    output: Path | None = None,
-    cells: tuple[str, ...] = (),
-    latex: Path | None = None,
-) -> None:
+def _report(folder: Path, *, latex: Path | None = None, **options: Any) -> None:
     from mobman.benchmark.reporting import report_on
 
-    write_replay = _write_replay if replays else None
-    files = report_on(folder, output=output, cells=cells, latex=latex, write_replay=write_replay)
+    files = report_on(folder, latex=latex, **options)
     echo(f"report: {files.html}")
     echo(f"        {files.markdown}")
     if latex is not None:
@@ -186,8 +314,6 @@ def _report(
 
 
 def _write_replay(record: Path, page: Path, instant: float | None) -> None:
-    import warnings
-
     from mobman.viewer.view import View, make_scene
 
     scene = make_scene(record, time=instant)
@@ -196,3 +322,33 @@ def _write_replay(record: Path, page: Path, instant: float | None) -> None:
     with View(scene) as shown:
         shown.save(page)
     echo(f"replay: {page}", err=True)
+
+
+@bench.command("merge")
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=FOLDER,
+    help="Folder that gets everything; new, or with results of the same suite.",
+)
+def merge_command(folders: tuple[Path, ...], output: Path) -> None:
+    """Join FOLDERS of one suite's results into another folder.
+
+    The folders are left as they are. Exit status 1 if a record could not be read, or two folders
+    have different results for one run.
+    """
+    from mobman.benchmark.merging import merge
+
+    merged = merge(folders, output)
+    for message in merged.unusable:
+        echo(f"mobman: left out: {message}", err=True)
+    for message in merged.conflicts:
+        echo(f"mobman: conflict, the first is kept: {message}", err=True)
+    echo(
+        f"{output}: {merged.there} of {merged.asked} runs, {merged.copied} copied; the "
+        f"report is written by: mobman bench report {output}"
+    )
+    if merged.unusable or merged.conflicts:
+        raise click.exceptions.Exit(1)

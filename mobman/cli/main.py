@@ -16,9 +16,8 @@ import click
 
 from mobman.cli.bench import bench
 from mobman.cli.output import echo
-from mobman.cli.rerun import rerun
 from mobman.cli.robots import robots
-from mobman.cli.run import run
+from mobman.cli.run import rerun, run
 from mobman.cli.view import view
 from mobman.errors import MobmanError
 from mobman.version import __version__

@@ -1,31 +1,33 @@
-"""``mobman robots``: which robots there are, and what one is."""
+"""``mobman robots``: which robots there are, what one is, and whether its description makes sense."""
 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, Literal
+from collections import Counter
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from rich.table import Table
+from rich.text import Text
 
-from mobman.cli.output import console, echo, print_json
+from mobman.cli.output import JSON, console, echo, print_json, table
 from mobman.cli.robots_add import add
-from mobman.cli.robots_check import check
 from mobman.errors import MobmanError, UnknownNameError
 
 if TYPE_CHECKING:
+    from mobman.checks.checks import Finding
     from mobman.model.mobile_manipulator import MobileManipulator
     from mobman.robots.spec import RobotSpec
 
 _NUMBERS = ("arm", "nz", "kg")
-_COLUMNS = ("robot", "platform", *_NUMBERS, "licence", "from")
 _WIDE = 110  # characters that leave room for the descriptions
 _OTHERS = 76  # what the other columns take
+_STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 
 
 @click.group(invoke_without_command=True)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@JSON
 @click.pass_context
 def robots(context: click.Context, as_json: bool) -> None:
     """List the robots (arm: joints of the arm; nz: motors), or show, check or add one."""
@@ -47,32 +49,30 @@ def robots(context: click.Context, as_json: bool) -> None:
         print_json(rows)
         return
     out = console()
-    table = Table(box=None, pad_edge=False)
-    for heading in _COLUMNS:
-        side: Literal["right", "left"] = "right" if heading in _NUMBERS else "left"
-        table.add_column(heading, justify=side, no_wrap=True)
-    if out.width >= _WIDE:
-        table.add_column("description", no_wrap=True, max_width=out.width - _OTHERS)
+    wide = out.width >= _WIDE
+    headings = ("robot", "platform", *_NUMBERS, "licence", "from")
+    listing = table(*headings, right=_NUMBERS, no_wrap=True)
+    if wide:
+        listing.add_column("description", no_wrap=True, max_width=out.width - _OTHERS)
     for row in rows:
-        table.add_row(
+        listing.add_row(
             row["name"],
             row["platform"],
             *("–" if row[key] is None else str(row[key]) for key in ("arm_joints", "nz")),
             "–" if row["mass"] is None else f"{row['mass']:.1f}",
             re.split(r"[ ;(]", row["license"])[0],
             row["origin"],
-            *([row["description"]] if out.width >= _WIDE else []),
+            *([row["description"]] if wide else []),
         )
-    out.print(table)
+    out.print(listing)
 
 
 robots.add_command(add)
-robots.add_command(check)
 
 
 @robots.command()
 @click.argument("name")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@JSON
 def show(name: str, as_json: bool) -> None:
     """Show the robot NAME (or the TOML file): joints, limits, rest posture, source."""
     content = _details(name)
@@ -82,8 +82,10 @@ def show(name: str, as_json: bool) -> None:
     out = console()
     out.print(out.render_str(content["name"], style="bold"), f" {content['description']}")
     for key in ("platform", "tip", "mass", "tags", "source", "license", "origin", "urdf"):
-        if content[key] is not None:
-            out.print(f"  {key:<9} {_plain(content[key])}", soft_wrap=True)
+        value = content[key]
+        if value is not None:
+            text = ", ".join(value) if isinstance(value, list) else value
+            out.print(f"  {key:<9} {text}", soft_wrap=True)
     if content["code"]:
         out.print(
             f"  {'code':<9} the platform is Python code, {content['code']}, which runs when the robot "
@@ -93,20 +95,13 @@ def show(name: str, as_json: bool) -> None:
         return
     out.print(f"  {'z':<9} {', '.join(content['velocity_names'])}", soft_wrap=True)
     out.print(f"  {'tip at rest':<9} {np.round(content['tip_at_rest'], 4).tolist()} m")
-    table = Table(box=None, pad_edge=False)
-    for heading in ("q", "rest", "lower", "upper", "weight in F"):
-        table.add_column(heading, justify="left" if heading == "q" else "right")
+    numbers = ("rest", "lower", "upper", "weight in F")
+    listing = table("q", *numbers, right=numbers)
     for joint in content["joints"]:
-        table.add_row(
-            joint["name"],
-            *(f"{joint[key]:.4g}" for key in ("rest", "lower", "upper", "weight")),
-        )
+        values = (f"{joint[key.split()[0]]:.4g}" for key in numbers)
+        listing.add_row(joint["name"], *values)
     out.print()
-    out.print(table)
-
-
-def _plain(value: Any) -> str:
-    return ", ".join(value) if isinstance(value, list) else str(value)
+    out.print(listing)
 
 
 def _summary(spec: RobotSpec, robot: MobileManipulator | None, origin: str) -> dict[str, Any]:
@@ -153,7 +148,7 @@ def _details(name: str) -> dict[str, Any]:
     if robot is None:
         return content
     limits = robot.limits
-    lower, upper = limits.lower, limits.upper
+    columns = (robot.q_rest, limits.lower, limits.upper, robot.criterion_weights)
     return {
         **content,
         "velocity_names": robot.velocity_names,
@@ -161,13 +156,54 @@ def _details(name: str) -> dict[str, Any]:
         "torque_limits": limits.torque.tolist(),
         "tip_at_rest": np.asarray(robot.tip_pose(robot.q_rest).translation).tolist(),
         "joints": [
-            {
-                "name": joint,
-                "rest": float(robot.q_rest[i]),
-                "lower": float(lower[i]),
-                "upper": float(upper[i]),
-                "weight": float(robot.criterion_weights[i]),
-            }
-            for i, joint in enumerate(robot.joint_names)
+            dict(zip(("name", "rest", "lower", "upper", "weight"), row, strict=True))
+            for row in zip(robot.joint_names, *(column.tolist() for column in columns), strict=True)
         ],
     }
+
+
+@robots.command()
+@click.argument("name")
+@JSON
+@click.option("--no-simulation", is_flag=True, help="Leave out the checks that run a closed loop.")
+def check(name: str, as_json: bool, no_simulation: bool) -> None:
+    """Check the robot NAME (or the TOML file): masses, limits, geometry, equations, a closed loop.
+
+    Exit status 1 if something is wrong, 0 with warnings alone, 2 if the robot cannot be loaded.
+    """
+    from mobman.checks.checks import run_checks
+    from mobman.model.build import load_robot
+
+    robot = load_robot(name)
+    findings = run_checks(robot, simulation=not no_simulation)
+    counts: Counter[str] = Counter(finding.status for finding in findings)
+    if as_json:
+        status = next((word for word in ("wrong", "warning") if counts[word]), "ok")
+        print_json(
+            {
+                "robot": robot.name,
+                "findings": [asdict(finding) for finding in findings],
+                "summary": {"status": status, **{word: counts[word] for word in _STYLES}},
+            }
+        )
+    else:
+        _print(robot.name, findings)
+        echo(
+            f"{counts['wrong']} wrong, {counts['warning']} warning"
+            f"{'' if counts['warning'] == 1 else 's'}, {counts['ok']} ok"
+        )
+    if counts["wrong"]:
+        raise click.exceptions.Exit(1)
+
+
+def _print(robot: str, findings: list[Finding]) -> None:
+    out = console()
+    out.print(robot, style="bold")
+    listing = table("check", "result", no_wrap=True)
+    listing.add_column("found", overflow="fold")
+    for finding in findings:
+        result = Text(finding.status, _STYLES[finding.status])
+        listing.add_row(finding.check, result, finding.found)
+        if finding.fix:  # below, where it has room
+            listing.add_row("", Text("fix", "dim"), out.render_str(finding.fix, style="dim"))
+    out.print(listing)

@@ -1,4 +1,4 @@
-"""``mobman run``: one closed loop."""
+"""``mobman run``: one closed loop; ``mobman rerun``: a run again from its record, and comparison."""
 
 from __future__ import annotations
 
@@ -7,22 +7,33 @@ import math
 import os
 import threading
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.table import Table
 
-from mobman.cli.output import console, echo, number, print_json, progress_bar
-from mobman.errors import RecordError
+from mobman.cli.output import (
+    FILE,
+    JSON,
+    PORT,
+    console,
+    echo,
+    number,
+    print_json,
+    progress_bar,
+    table,
+)
+from mobman.errors import MobmanError, RecordError
 
 if TYPE_CHECKING:
     from mobman.simulation.record import Record
+    from mobman.simulation.rerun import Own, Verification
     from mobman.viewer.live import LiveRun
     from mobman.viewer.view import View
 
-_PATIENCE = 15.0
-"""How long a run waits for the browser (s)."""
+_PATIENCE = 15.0  # s that a run waits for the browser
+_TOLD = 5
 
 
 @click.command()
@@ -55,13 +66,8 @@ _PATIENCE = 15.0
     metavar="NAME=VALUE",
     help="A gain of the controller, such as a=0.2 or discretization=explicit; repeatable.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="HDF5 file for the record.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("-o", "--output", type=FILE, help="HDF5 file for the record.")
+@JSON
 @click.option(
     "--live", is_flag=True, help="Show it in the browser while it runs, and then until Ctrl-C."
 )
@@ -71,7 +77,7 @@ _PATIENCE = 15.0
     help="Simulated seconds a second, or as fast as it goes; means --live.  [default: 1]",
 )
 @click.option("--no-browser", is_flag=True, help="With --live: print the address, open no browser.")
-@click.option("--port", type=click.IntRange(0, 65535), help="With --live: port to serve on.")
+@click.option("--port", type=PORT, help="With --live: port to serve on.")
 def run(
     robot: str,
     controller: str,
@@ -100,7 +106,6 @@ def run(
     from mobman.tasks.task import check_parameters, make_task
 
     speed = _speed(live_speed)
-    live = live or live_speed is not None
     model = load_robot(robot)
     law = make_controller(controller, **_values(gains, "--gain"))
     options = check_parameters(task, _values(task_options, "--task-option"))
@@ -111,7 +116,7 @@ def run(
     with ExitStack() as closing:
         watched: LiveRun | None = None
         looking: dict[str, Any] = {}
-        if live:
+        if live or live_speed is not None:
             from mobman.simulation.simulate import seconds
             from mobman.viewer.live import LiveRun
             from mobman.viewer.view import View
@@ -142,92 +147,31 @@ def run(
                 progress=progress,
                 **looking,
             )
-        path = None if output is None else record.save(output)
-        tell(record, path, as_json=as_json)
+        tell(record, None if output is None else record.save(output), as_json=as_json)
         if watched is not None:
-            _stay(watched, record)
-    if not record.ok:
-        echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
+            # the page gets the whole run and stays until Ctrl-C: the way to end it, not a failure
+            try:
+                watched.finish(record)
+                threading.Event().wait()
+            except KeyboardInterrupt:
+                echo(err=True)
+    if not _went_well(record):
         raise click.exceptions.Exit(1)
-
-
-def _open(watched: LiveRun, shown: View, no_browser: bool) -> None:
-    """Show the page, and let it come up before the run begins."""
-    # not with what is printed of the run, which may be JSON
-    echo(f"live: {shown.url}  (Ctrl-C ends it)", err=True)
-    if no_browser:
-        return
-    if not shown.open():
-        echo("mobman: no browser could be opened; open the address in one", err=True)
-    elif not watched.wait_for_page(_PATIENCE):
-        echo("mobman: the page is not open yet; the run begins without it", err=True)
-
-
-def _stay(watched: LiveRun, record: Record) -> None:
-    """Give the page the whole run, and keep it until Ctrl-C: the way to end it, not a failure."""
-    try:
-        watched.finish(record)
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        echo(err=True)
-
-
-def tell(record: Record, path: Path | None, *, as_json: bool) -> None:
-    """Print a run: its metrics as a table, or all that is known of it as JSON."""
-    if not as_json:
-        _print(record, path)
-        return
-    print_json(
-        {
-            "status": record.status,
-            "message": record.message,
-            "metrics": record.metrics,
-            "settings": record.settings,
-            "spec": record.spec,
-            "versions": record.versions,
-            "file": None if path is None else str(path),
-        }
-    )
-
-
-def _print(record: Any, path: Path | None) -> None:
-    from mobman.simulation.metrics import list_metrics
-
-    out = console()
-    bounds = {key: record.settings[key] for key in ("a", "A") if key in record.settings}
-    in_force = ", ".join(f"{key} = {value:.4g}" for key, value in bounds.items())
-    name = f"{record.robot} · {record.task} · {record.scenario} · {record.controller}"
-    rest = f" {record.status}" + (f"  (in force: {in_force})" if in_force else "")
-    out.print(out.render_str(name, style="bold"), rest)
-    table = Table(box=None, pad_edge=False)
-    table.add_column("metric")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
-    table.add_column("what it is")
-    for metric in list_metrics():
-        if metric.name in record.metrics:
-            value = number(record.metrics[metric.name], metric.unit)
-            table.add_row(metric.name, value, metric.unit, metric.description)
-    out.print(table)
-    if path is not None:
-        out.print(f"record: {path}", soft_wrap=True)
 
 
 def _values(texts: tuple[str, ...], option: str) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for text in texts:
-        name, value = _value(text, option)
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise click.BadParameter(f"{text!r} is not NAME=VALUE", param_hint=option)
         if name in values:
             raise click.BadParameter(f"{name} is given twice", param_hint=option)
-        values[name] = value
+        try:
+            values[name] = json.loads(value)
+        except json.JSONDecodeError:
+            values[name] = value
     return values
-
-
-def _check_writable(path: Path) -> None:
-    """Before the simulation, not after it."""
-    folder = next((parent for parent in path.absolute().parents if parent.exists()), None)
-    if folder is None or not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise RecordError(f"cannot write the record {path}: {folder} is no folder to write in")
 
 
 def _speed(text: str | None) -> float | None:
@@ -245,11 +189,213 @@ def _speed(text: str | None) -> float | None:
     return speed
 
 
-def _value(text: str, option: str) -> tuple[str, Any]:
-    name, equals, value = text.partition("=")
-    if not equals or not name:
-        raise click.BadParameter(f"{text!r} is not NAME=VALUE", param_hint=option)
-    try:
-        return name, json.loads(value)
-    except json.JSONDecodeError:
-        return name, value
+def _check_writable(path: Path) -> None:
+    """Before the simulation, not after it."""
+    folder = next((parent for parent in path.absolute().parents if parent.exists()), None)
+    if folder is None or not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise RecordError(f"cannot write the record {path}: {folder} is no folder to write in")
+
+
+def _open(watched: LiveRun, shown: View, no_browser: bool) -> None:
+    """Show the page, and let it come up before the run begins."""
+    # not with what is printed of the run, which may be JSON
+    echo(f"live: {shown.url}  (Ctrl-C ends it)", err=True)
+    if no_browser:
+        return
+    if not shown.open():
+        echo("mobman: no browser could be opened; open the address in one", err=True)
+    elif not watched.wait_for_page(_PATIENCE):
+        echo("mobman: the page is not open yet; the run begins without it", err=True)
+
+
+def tell(record: Record, path: Path | None, *, as_json: bool) -> None:
+    """Print a run: its metrics as a table, or all that is known of it as JSON."""
+    from mobman.simulation.metrics import list_metrics
+
+    if as_json:
+        keys = ("status", "message", "metrics", "settings", "spec", "versions")
+        content = {key: getattr(record, key) for key in keys}
+        print_json({**content, "file": None if path is None else str(path)})
+        return
+    out = console()
+    bounds = {key: record.settings[key] for key in ("a", "A") if key in record.settings}
+    in_force = ", ".join(f"{key} = {value:.4g}" for key, value in bounds.items())
+    name = f"{record.robot} · {record.task} · {record.scenario} · {record.controller}"
+    rest = f" {record.status}" + (f"  (in force: {in_force})" if in_force else "")
+    out.print(out.render_str(name, style="bold"), rest)
+    listing = table("metric", "value", "unit", "what it is", right={"value"})
+    for metric in list_metrics():
+        if metric.name in record.metrics:
+            value = number(record.metrics[metric.name], metric.unit)
+            listing.add_row(metric.name, value, metric.unit, metric.description)
+    out.print(listing)
+    if path is not None:
+        out.print(f"record: {path}", soft_wrap=True)
+
+
+def _went_well(record: Record) -> bool:
+    if not record.ok:
+        echo(f"mobman: the run ended as {record.status} {record.message}", err=True)
+    return record.ok
+
+
+# rerun -------------------------------------------------------------------------------------------------
+
+
+@click.command()
+@click.argument(
+    "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
+)
+@click.option(
+    "--verify",
+    "verifies",
+    is_flag=True,
+    help="Compare with what is in the file: bit for bit, or within a tolerance on another processor "
+    "or with other versions.",
+)
+@click.option(
+    "--tolerance",
+    type=float,
+    metavar="X",
+    help="With --verify: largest difference, over the larger of 1 and the largest value, 100 times as "
+    "much in torques and signals; 0 for bit for bit.  [default: 0, or 1e-4 on another processor or with "
+    "other versions]",
+)
+@click.option("-o", "--output", type=FILE, help="HDF5 file for the new record, at every tick.")
+@click.option(
+    "--robot",
+    metavar="FILE",
+    help="Robot (a TOML file or a name) to use instead of the record's, for a platform that is Python "
+    "code.",
+)
+@click.option(
+    "--controller",
+    metavar="FILE.py:NAME",
+    help="Python code of a law that is not registered: called without arguments, gives the controller.",
+)
+@click.option(
+    "--task",
+    metavar="FILE.py:NAME",
+    help="Python code of a task that is not registered: called with the robot and q0, gives the task.",
+)
+@JSON
+def rerun(
+    files: tuple[Path, ...],
+    verifies: bool,
+    tolerance: float | None,
+    output: Path | None,
+    robot: str | None,
+    controller: str | None,
+    task: str | None,
+    as_json: bool,
+) -> None:
+    """Repeat the run of each record FILE from the file alone.
+
+    No code is taken from the file. What is Python code, and not registered, is named by --robot,
+    --controller and --task.
+
+    Exit status 1 if a run cannot be repeated, if it diverged or met a singularity, or, with --verify, if
+    the repetition differs from the file.
+    """
+    from mobman.simulation.rerun import repeat, verify
+
+    if output is not None and len(files) > 1:
+        raise click.UsageError(f"-o is for one record; {len(files)} files are given")
+    if tolerance is not None and not verifies:
+        raise click.UsageError("--tolerance goes with --verify")
+    if tolerance is not None and not (math.isfinite(tolerance) and tolerance >= 0.0):
+        raise click.BadParameter(f"{tolerance} is not a number from 0 on", param_hint="--tolerance")
+    own, told, failed = _own(robot, controller, task), [], False
+    for file in files:
+        try:
+            with progress_bar(str(file)) as progress:
+                if verifies:
+                    found = verify(file, tolerance=tolerance, own=own, progress=progress)
+                record = found.record if verifies else repeat(file, own=own, progress=progress)
+            saved = None if output is None else record.save(output)
+            if not verifies:
+                tell(record, saved, as_json=as_json)
+                failed |= not _went_well(record)
+                continue
+            failed |= not found.equal
+            if as_json:
+                told.append(_as_json(file, found, saved))
+            else:
+                _print(file, found, saved)
+        except MobmanError as error:
+            if len(files) == 1:
+                raise
+            echo(f"mobman: {' '.join(str(error).split())}", err=True)
+            failed = True
+    if verifies and as_json:
+        print_json(told)
+    if failed:
+        raise click.exceptions.Exit(1)
+
+
+def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
+    """What the user names instead of the record's parts."""
+    from mobman.model.build import load_robot
+    from mobman.simulation.rerun import Own
+
+    law = None
+    if controller is not None:
+        try:
+            law = _code(controller, "--controller")()
+        except (Exception, SystemExit) as error:  # the user's code may raise anything
+            raise click.BadParameter(
+                f"calling {controller} failed: {error!r}", param_hint="--controller"
+            ) from error
+    return Own(
+        robot=None if robot is None else load_robot(robot),
+        controller=law,
+        make_task=None if task is None else _code(task, "--task"),
+    )
+
+
+def _code(name: str, option: str) -> Any:
+    from mobman.model.platforms.types.custom import load_code
+
+    if ":" not in name:
+        raise click.BadParameter(f"{name!r} is not FILE.py:NAME", param_hint=option)
+    return load_code(name, Path.cwd(), f"{option} {name}")
+
+
+def _print(file: Path, found: Verification, saved: Path | None) -> None:
+    metrics = sum(item.name.startswith("metrics/") for item in found.compared)
+    what = f"{len(found.compared)} compared, {metrics} of them metrics"
+    how = "bit for bit" if found.tolerance == 0.0 else f"with a tolerance of {found.tolerance:g}"
+    verdict = f"differs in {len(found.differences)} ({what}, {how})"
+    if found.equal:
+        verdict = f"equal within a tolerance of {found.tolerance:g} ({what})"
+    if found.identical:
+        verdict = f"identical, bit for bit ({what})"
+    echo(f"{file}: {verdict}")
+    changed = {**found.machine, **found.versions}
+    for name, (was, now) in changed.items():
+        echo(f"  other {name}: {was or 'unknown'} then, {now or 'unknown'} now")
+    if changed and found.tolerance > 0.0:
+        echo("  these round in other ways, so the comparison is within a tolerance")
+    if found.note:
+        echo(f"  {found.note}")
+    for item in found.differences[:_TOLD]:
+        by = "" if math.isnan(item.difference) else f" by {item.difference:.3g}"
+        echo(f"  {item.name} differs{by}: {item.where}")
+    if len(found.differences) > _TOLD:
+        echo(f"  and {len(found.differences) - _TOLD} more (see --json)")
+    if saved is not None:
+        echo(f"record: {saved}")
+
+
+def _as_json(file: Path, found: Verification, saved: Path | None) -> dict[str, Any]:
+    return {
+        "file": str(file),
+        "equal": found.equal,
+        "identical": found.identical,
+        "tolerance": found.tolerance,
+        "machine": {name: {"then": w, "now": n} for name, (w, n) in found.machine.items()},
+        "versions": {name: {"then": w, "now": n} for name, (w, n) in found.versions.items()},
+        "note": found.note,
+        "compared": [asdict(item) for item in found.compared],
+        "record": None if saved is None else str(saved),
+    }

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import mobman as mm
-from mobman.cli.rerun import rerun
+from mobman.cli.run import rerun
 
 
 def mobman(*arguments: str) -> subprocess.CompletedProcess[str]:

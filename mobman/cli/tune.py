@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
-    Progress,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
 
-from mobman.cli.interruption import interrupted_once
-from mobman.cli.output import console, echo, print_json
+from mobman.cli.output import (
+    FOLDER,
+    JSON,
+    Display,
+    console,
+    echo,
+    interrupted_once,
+    print_json,
+    table,
+)
 from mobman.printable import printable
 
 if TYPE_CHECKING:
@@ -29,10 +35,7 @@ if TYPE_CHECKING:
 @click.command("tune")
 @click.argument("suite")
 @click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of the results; results/SUITE-tuning by default.",
+    "-o", "--output", type=FOLDER, help="Folder of the results; results/SUITE-tuning by default."
 )
 @click.option(
     "--trials", type=click.IntRange(min=1), help="Of each controller; the suite's by default."
@@ -44,16 +47,15 @@ if TYPE_CHECKING:
     metavar="LABEL",
     help="Tune these alone; repeatable.  [default: all that have a search space]",
 )
-@click.option("--fresh", is_flag=True, help="Begin anew, also where trials are there already.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--fresh", is_flag=True, help="Begin again, also where trials are there already.")
+@JSON
 def tune(
     suite: str,
     output: Path | None,
-    trials: int | None,
     workers: int | None,
     controllers: tuple[str, ...],
-    fresh: bool,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Tune the controllers of SUITE (a name or a TOML file), and write it with the tuned gains.
 
@@ -68,18 +70,17 @@ def tune(
     chosen = load_suite(suite)
     folder = output or Path("results") / f"{chosen.name}-tuning"
     count = default_workers() if workers is None else workers
-    display = _Display(count)
+    display = _TuningDisplay(count)
     try:
         with interrupted_once(), display:
             result = tune_suite(
                 chosen,
                 folder,
-                trials=trials,
                 controllers=controllers or None,
                 workers=count,
-                fresh=fresh,
                 on_start=display.start,
                 on_step=display.step,
+                **options,
             )
     except KeyboardInterrupt:
         echo(
@@ -116,15 +117,12 @@ def _as_json(result: TuningResult) -> dict[str, object]:
 
 
 def _print(result: TuningResult) -> None:
-    table = Table(box=None, pad_edge=False)
-    table.add_column("controller")
-    for heading in ("trials", "score", "tuned", "trial"):
-        table.add_column(heading, justify="right")
-    table.add_column("gains")
+    numbers = ("trials", "score", "tuned", "trial")
+    listing = table("controller", *numbers, "gains", right=numbers)
     for label, trials in result.trials.items():
         best = result.best(label)
         gains = ", ".join(f"{name} = {value:g}" for name, value in best.gains.items())
-        table.add_row(
+        listing.add_row(
             label,
             str(len(trials)),
             f"{trials[0].score:.3f}",
@@ -133,84 +131,61 @@ def _print(result: TuningResult) -> None:
             gains or "the suite's own: no trial was better",
         )
     out = console()
-    out.print(table)
+    out.print(listing)
     out.print(f"suite:  {result.suite_file}", soft_wrap=True)
     out.print(f"trials: {result.json_file}", soft_wrap=True)
 
 
-class _Display:
-    """Live progress on a terminal; one plain line a trial elsewhere."""
+class _TuningDisplay(Display):
+    """Shows the trials of a tuning."""
 
     def __init__(self, workers: int) -> None:
-        self._console = console(stderr=True)
-        self._workers = workers
-        self._scores: dict[str, float] = {}
-        self._first: set[str] = set()
-        self._progress = Progress(
+        super().__init__(
             TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            TextColumn("{task.fields[note]}", markup=False),
-            console=self._console,
-            disable=not self._console.is_terminal,
         )
-        self._bar = self._progress.add_task("runs", total=None, note="")
-
-    def __enter__(self) -> _Display:
-        self._progress.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._progress.__exit__(None, None, None)
+        self._workers = workers
+        self._scores: dict[str, float] = {}
+        self._first: set[str] = set()
+        self._seconds: list[float] = []
 
     def start(self, plan: Plan) -> None:
-        """What will be done."""
+        """Show what will be done."""
         self._plan, self._trials, self._runs = plan, plan.done, plan.done * plan.runs
-        self._seconds: list[float] = []
         self._progress.update(self._bar, total=plan.total, completed=self._runs)
         gains = ", ".join(f"{label} ({count})" for label, count in plan.gains.items())
         simulated = len(plan.gains) * plan.trials * plan.seconds
-        self._say(
+        self.say(
             f"{len(plan.gains)} controllers (gains to tune): {gains}; {plan.trials} trials each, "
             f"{plan.runs} runs a trial: {plan.total} runs, {simulated:.0f} s of simulated time"
             + (f"; {plan.done} trials were there" if plan.done else "")
         )
 
     def step(self, step: Step) -> None:
-        """A run is done."""
+        """Show that a run is done."""
         self._runs += 1
         self._seconds.append(step.run.seconds)
         self._progress.update(self._bar, advance=1)
         if step.trial is None:
             return
-        score = step.trial.score
+        score, controllers = step.trial.score, len(self._plan.gains)
         self._trials += 1
-        before = self._scores.get(step.label, score)
-        self._scores[step.label] = min(before, score)
-        note = ", ".join(f"{label} {best:.2f}" for label, best in self._scores.items())
+        best = self._scores[step.label] = min(self._scores.get(step.label, score), score)
+        note = ", ".join(f"{label} {lowest:.2f}" for label, lowest in self._scores.items())
         self._progress.update(self._bar, note=printable(note))
-        if not self._console.is_terminal:
-            echo(
-                f"[{self._trials}/{len(self._plan.gains) * self._plan.trials}] {step.label} · trial "
-                f"{step.number}: {score:.3f}, best {self._scores[step.label]:.3f}",
-                err=True,
+        if not self.live:
+            self.say(
+                f"[{self._trials}/{controllers * self._plan.trials}] {step.label} · trial "
+                f"{step.number}: {score:.3f}, best {best:.3f}"
             )
-        self._estimate(step.label)
-
-    def _estimate(self, label: str) -> None:
-        """How long the rest takes, once there is a trial of each controller."""
-        complete = len(self._first) == len(self._plan.gains)
-        self._first.add(label)
-        if not complete and len(self._first) == len(self._plan.gains):
+        # how long the rest takes, once there is a trial of each controller
+        new = step.label not in self._first
+        self._first.add(step.label)
+        if new and len(self._first) == controllers:
             each = sum(self._seconds) / len(self._seconds)
             left = (self._plan.total - self._runs) * each / self._workers
-            self._say(f"about {left / 60:.1f} min to go with {self._workers} workers")
-
-    def _say(self, text: str) -> None:
-        if self._console.is_terminal:
-            self._progress.console.print(text)
-        else:
-            echo(text, err=True)
+            self.say(f"about {left / 60:.1f} min to go with {self._workers} workers")
