@@ -1,4 +1,4 @@
-"""Checks of robots: what one is, what it finds, the registry, and running all of them."""
+"""Interface of a check of robots, the registry of checks, and running all of them."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Finding:
     status: Status
     """``"wrong"``: must be fixed; ``"warning"``: plausible, please verify."""
     found: str
-    """What was found, with numbers and units."""
+    """Result in words, with numbers and units."""
     fix: str
-    """What to do about it: which field or element of which file; empty where nothing is to be done."""
+    """Remedy: which field or element of which file; empty where nothing is to be done."""
 
 
 class Remark(NamedTuple):
@@ -49,10 +49,10 @@ class Check:
 
     name: str
     meaning: str
-    """What it looks at, in a clause."""
+    """Condition that holds on a sound robot, in a clause."""
     function: Function
     simulates: bool
-    """Whether it runs a closed loop."""
+    """True if it runs a closed loop."""
 
 
 checks: Registry[Check] = Registry("check", "mobman.checks", "mobman.checks")
@@ -77,7 +77,7 @@ def list_checks() -> list[Check]:
 def run_checks(
     robot: MobileManipulator, *, simulation: bool = True, only: Collection[str] | None = None
 ) -> list[Finding]:
-    """What every check finds on a robot, at least one finding each, in the order of their names.
+    """Findings of the checks on a robot, at least one each, in the order of the checks' names.
 
     Args:
         robot: The robot.

@@ -220,7 +220,7 @@ def singularities(subject: Subject) -> Iterator[Remark]:
 
 
 def _posture(subject: Subject, states: list[Array], tips: list[float]) -> Iterator[Remark]:
-    """Whether the tip can be moved every way at rest, by all joints and by the arm's alone."""
+    """Check that the tip can be moved every way at rest, by all joints and by the arm's alone."""
     robot, m = subject.robot, TaskMap().m
     fix = (
         f"choose another posture in [rest] of robot {robot.name!r}: bend the elbow, keep axes from "

@@ -1,4 +1,4 @@
-"""Check of where the tip is and how far it gets, and of the task 'circle' being within its reach."""
+"""Check of the tip's place at rest, of the workspace, and of the task 'circle' within it."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def circle(subject: Subject, scale: float = 1.0) -> Circle:
 
 
 def gaps(subject: Subject, path: Circle) -> Iterator[float]:
-    """How near the tip gets to points around a circle, one after the other, within the limits (m).
+    """Distances that the tip keeps from points around a circle, in their order, within the limits (m).
 
     Found by damped least squares from rest and from a few other postures: what is not found may be
     reached in ways that these do not find. A platform that drives stands wherever it helps: it is
@@ -133,7 +133,7 @@ def gaps(subject: Subject, path: Circle) -> Iterator[float]:
 
 
 def is_within_reach(subject: Subject, path: Circle) -> bool:
-    """Whether the tip gets to all of :func:`gaps`."""
+    """True if the tip gets to every point of :func:`gaps`."""
     return all(gap <= CLOSE for gap in gaps(subject, path))
 
 

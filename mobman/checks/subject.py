@@ -120,12 +120,12 @@ class Subject:
         return f"[platform.body] of robot {self.robot.name!r}"
 
     def file_of(self, link: str) -> str:
-        """What to call the place where a link is described."""
+        """Name, for messages, of the place where a link is described."""
         return self._files.get(link, self._numbers)
 
     @property
     def files(self) -> str:
-        """What to call all files of the robot together."""
+        """Names, for messages, of all files of the robot."""
         names = [file.path.name for file in self.robot.urdf.files]
         if self.robot.spec.urdf is None:
             names.insert(0, self._numbers)
@@ -181,11 +181,11 @@ class Subject:
         return column[3:] if np.any(column[3:]) else column[:3]
 
     def turns(self, joint: str) -> bool:
-        """Whether a joint turns; it slides otherwise."""
+        """True if a joint turns, False if it slides."""
         return bool(np.any(self._column(joint)[3:]))
 
     def upright(self, joint: str) -> bool:
-        """Whether a joint turns about the vertical at home, or nearly."""
+        """True if a joint turns about the vertical at home, or nearly."""
         return self.turns(joint) and abs(float(self.axis(joint)[2])) > 0.9
 
     def centre(self, joint: str) -> Array:

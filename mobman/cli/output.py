@@ -107,7 +107,7 @@ class Display:
     def __init__(self, *columns: ProgressColumn, **options: Any) -> None:
         self._console = console(stderr=True)
         self.live = self._console.is_terminal
-        """Whether there is a bar."""
+        """True if there is a bar."""
         note = TextColumn("{task.fields[note]}", markup=False)
         self._progress = Progress(
             *columns, note, console=self._console, disable=not self.live, **options

@@ -1,4 +1,4 @@
-"""``mobman robots``: which robots there are, what one is, and whether its description makes sense."""
+"""``mobman robots``: the list of robots, the facts of one, and the checks of its description."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def show(name: str, as_json: bool) -> None:
 
 
 def _summary(spec: RobotSpec, robot: MobileManipulator | None, origin: str) -> dict[str, Any]:
-    """What a robot is; without a model, of one whose platform is code, what its description says."""
+    """Facts of a robot; of one whose platform is code, and is not run here, those of its description."""
     model: dict[str, Any] = dict.fromkeys(("arm_joints", "nq", "nz", "mass"))
     if robot is not None:
         mass = float(sum(link.mass for link in robot.model.inertias))

@@ -190,7 +190,7 @@ def _speed(text: str | None) -> float | None:
 
 
 def _check_writable(path: Path) -> None:
-    """Before the simulation, not after it."""
+    """Refuse what cannot be written before the simulation, not after it."""
     folder = next((parent for parent in path.absolute().parents if parent.exists()), None)
     if folder is None or not folder.is_dir() or not os.access(folder, os.W_OK):
         raise RecordError(f"cannot write the record {path}: {folder} is no folder to write in")
@@ -334,7 +334,7 @@ def rerun(
 
 
 def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
-    """What the user names instead of the record's parts."""
+    """Parts that the user names instead of the record's."""
     from mobman.model.build import load_robot
     from mobman.simulation.rerun import Own
 

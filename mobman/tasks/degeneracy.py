@@ -158,7 +158,7 @@ class _Solution:
 
     @property
     def is_algorithmic(self) -> bool:
-        """Whether it has ended with j_e in good order."""
+        """True if it has ended with j_e in good order."""
         return self.ended and self.singular_value > _KINEMATIC * self._first
 
     def advance(self) -> None:
@@ -210,7 +210,7 @@ class _Solution:
         return float(both[0] * both[1])
 
     def _keep(self) -> None:
-        """What J is within a last, tiny correction of q."""
+        """Keep what follows from J, which is that of a last, tiny correction of q ago."""
         J = self._extended.J
         self._complement = self._extended.complement.copy()
         self.singular_value = float(np.linalg.svd(J[:3], compute_uv=False)[-1])

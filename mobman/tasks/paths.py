@@ -212,7 +212,7 @@ _POINTS = 256  # of a path, to find how far it goes
 
 
 @dataclass(frozen=True)
-class Place:
+class Surroundings:
     """The tip's surroundings at a start.
 
     Attributes:
@@ -263,18 +263,18 @@ class Place:
         return SHARE_OF_REACH * self.reach
 
 
-def place_of(robot: MobileManipulator, q0: Array) -> Place:
+def place_of(robot: MobileManipulator, q0: Array) -> Surroundings:
     """The surroundings of a robot's tip at configuration q0."""
     tip = np.array(robot.tip_pose(q0).translation)
     arm, drives = tip - robot.arm_origin(q0), "base_x" in robot.joint_names
     if drives:
-        return Place(tip, arm, float(q0[robot.joint_names.index("base_theta")]), drives)
-    return Place(tip, arm, math.atan2(arm[1], arm[0]), drives)
+        return Surroundings(tip, arm, float(q0[robot.joint_names.index("base_theta")]), drives)
+    return Surroundings(tip, arm, math.atan2(arm[1], arm[0]), drives)
 
 
 def placed(
     name: str,
-    place: Place,
+    place: Surroundings,
     rate: float,
     cosines: Sequence[Sequence[float]],
     sines: Sequence[Sequence[float]],

@@ -232,7 +232,7 @@ class _Climb:
         return float(self._direction @ self._robot.tip_pose(q).translation)
 
     def at_random(self, random: np.random.Generator) -> Array:
-        """Some posture."""
+        """Random posture of the arm."""
         q = self._q.copy()
         for i in self._joints:
             low, high = max(self._lower[i], -math.pi), min(self._upper[i], math.pi)
@@ -240,7 +240,7 @@ class _Climb:
         return q
 
     def swept(self, q: Array) -> Array:
-        """Each joint in turn where it holds the tip highest, from the tip's to the base's and again."""
+        """Put each joint in turn where it holds the tip highest, from tip to base, repeatedly."""
         q, last = q.copy(), -math.inf
         for _ in range(_SWEEPS):
             for i in reversed(self._joints):
@@ -252,7 +252,7 @@ class _Climb:
         return q
 
     def polished(self, q: Array) -> Array:
-        """By Newton's method, to rounding."""
+        """Maximise by Newton's method, to rounding."""
         last = self.height(q)
         for _ in range(_NEWTON):
             tip = self._robot.tip_kinematics(q, np.zeros(self._robot.nz))
@@ -278,7 +278,7 @@ class _Climb:
         return q
 
     def _highest(self, i: int, q: Array) -> float:
-        """Where a joint holds the tip highest, the others as they are."""
+        """Angle or slide of a joint that holds the tip highest, the others as they are."""
         column = self._robot.tip_jacobian(q)[:, i]
         slope = float(self._direction @ column[:3])
         if i in self._slides:

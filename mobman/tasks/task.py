@@ -96,16 +96,16 @@ class Parameter:
     name: str
     annotation: Any
     default: Any
-    """As the factory's signature has it; None is by convention what the robot decides."""
+    """Default in the factory's signature; None is by convention what the robot decides."""
     required: bool
     unit: str = ""
-    """As declared; empty if nothing is."""
+    """Unit as declared by :func:`parameter`; empty if it is not."""
     meaning: str = ""
-    """As declared; empty if nothing is."""
+    """Meaning as declared; empty if it is not."""
 
 
 def parameter(unit: str, meaning: str, **bounds: Any) -> Any:
-    """What the annotation of a task's parameter says of it.
+    """Declare unit, meaning and bounds of a task's parameter in its annotation.
 
     Args:
         unit: Its unit, ``"1"`` if it has none.
@@ -172,31 +172,33 @@ def check_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]
         faults: dict[str, list[Any]] = {}
         for fault in error.errors():
             faults.setdefault(str(fault["loc"][0]), []).append(fault)
-        names = sorted(faults, key=lambda key: bool(faults[key][0]["type"] == "missing"))
-        problems = [_problem(key, parameters.get(key), faults[key], allowed) for key in names]
+        names = sorted(faults, key=lambda key: key not in parameters)  # what is missing comes last
+        problems = [_problem(key, parameters, faults[key], allowed) for key in names]
         raise UsageError(f"task {name!r}: {'; '.join(problems)}") from None
 
 
-def _problem(name: str, value: Any, faults: list[Any], allowed: Mapping[str, Parameter]) -> str:
+def _problem(
+    name: str, given: Mapping[str, Any], faults: list[Any], allowed: Mapping[str, Parameter]
+) -> str:
     if name not in allowed:
         near = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}? " if near else ""
         return f"parameter {name!r} is unknown; {hint}allowed: {', '.join(allowed) or 'none'}"
-    if faults[0]["type"] == "missing":
+    if name not in given:
         return f"parameter {name!r} is missing"
     reasons = {
         fault["msg"].removeprefix("Value error, ")
         + "".join(f" (entry {part})" for part in fault["loc"] if isinstance(part, int)): None
         for fault in faults
     }
-    text, unit = repr(value), allowed[name].unit
+    text, unit = repr(given[name]), allowed[name].unit
     text = text if len(text) <= 60 else text[:57] + "..."
     unit = f" ({unit})" if unit not in ("", "1") else ""
     return f"parameter {name!r}{unit} is {text}: {', '.join(reasons)}"
 
 
 def _declared(factory: Callable[..., Any]) -> tuple[dict[str, Parameter], bool]:
-    """What a factory's signature has after the robot and q0, and whether it takes anything else."""
+    """Parameters of a factory's signature after the robot and q0, and True if it takes others, too."""
     try:
         signature = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):  # some callables of other languages have no signature
@@ -232,7 +234,7 @@ def _type_of(factory: Callable[..., Any], item: inspect.Parameter) -> Any:
         return Any
 
 
-# What others ask of a task ---------------------------------------------------------------------------
+# Use of a task by others -------------------------------------------------------------------------------
 
 
 def task_steps(task: Task, t: Array, p_d: Array) -> list[Call]:
@@ -276,7 +278,7 @@ def task_map_of(task: Task) -> TaskMap:
 
 
 def task_parameters(task: Task) -> dict[str, Any]:
-    """What is known of a task beyond its name: its type, and its fields if it is a dataclass."""
+    """Type of a task, and its fields if it is a dataclass."""
     if not dataclasses.is_dataclass(task) or isinstance(task, type):
         return {"type": type(task).__name__}
     fields = {field.name: getattr(task, field.name) for field in dataclasses.fields(task)}
