@@ -41,9 +41,10 @@ speed: $(VENV)/installed-speed ## measure what a tick costs, and Pinocchio, Pink
 	$(COMPILE)
 	$(BIN)/python benchmarks/speed.py $(OPTIONS) -o $(RESULTS)/speed
 
-lint: $(VENV)/installed-test ## ruff and mypy alone
+lint: $(VENV)/installed-test ## ruff, import-linter and mypy alone
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo --no-cache
 	$(BIN)/mypy
 
 format: $(VENV)/installed-test ## let ruff format the code

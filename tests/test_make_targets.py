@@ -73,6 +73,8 @@ class Checkout:
         self._program("python", f'{python} "$@"')
         self._program("mobman", f'{python} -m mobman "$@"')
         self._program("ruff", f'{python} -m ruff "$@" {own}')
+        linter = "from importlinter.cli import lint_imports_command; lint_imports_command()"
+        self._program("lint-imports", f'cd "{ROOT}" && {python} -c "{linter}" "$@"')
         self._program(
             "mypy", f"{python} -m mypy tests/test_small.py"
         )  # all of mobman takes a minute

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from mobman.arrays import Array
-
-if TYPE_CHECKING:
-    from mobman.model.mobile_manipulator import MobileManipulator
 
 _NO_BOUND = 1e8  # joints without limits have some 1e9 in the model
 
@@ -27,21 +25,21 @@ class Limits(NamedTuple):
     """Of each entry of |v| alone (N, N m), shape (nz,)."""
 
 
-def limits(robot: MobileManipulator) -> Limits:
+def limits(model: pin.Model, joints: list[int], C: Array, B: Array) -> Limits:
     """The limits of a robot, from those of its URDF's joints.
 
     A joint of the platform that turns at N_ij for one of alpha_j bounds it by its own largest rate over
-    |N_ij|, and likewise B'' the torques: at the rest posture's steering angle, since only that changes
-    them.
+    |N_ij|, and likewise B'' the torques.
+
+    Args:
+        model: The model.
+        joints: Where the coordinates are in q that joints of the URDF move: all but the base's pose, on
+            whose heading wheels do not depend.
+        C: C of (9), shape (nq, nz).
+        B: B' of (16), shape (nq, nz).
     """
-    model, q = robot.model, robot.q_rest
     rate, effort = _stated(model.velocityLimit), _stated(model.effortLimit)
-    # the wheels' rates and torques do not depend on the heading
-    joints = [
-        i for i, name in enumerate(robot.joint_names) if name not in robot.platform.base_joints
-    ]
-    per_velocity = np.abs(robot.velocity_map(q))[joints]
-    per_torque = np.abs(robot.actuation(q))[joints]
+    per_velocity, per_torque = np.abs(C)[joints], np.abs(B)[joints]
     return Limits(
         lower=np.where(model.lowerPositionLimit < -_NO_BOUND, -np.inf, model.lowerPositionLimit),
         upper=np.where(model.upperPositionLimit > _NO_BOUND, np.inf, model.upperPositionLimit),

@@ -177,7 +177,9 @@ class MobileManipulator:
     @property
     def limits(self) -> Limits:
         """Bounds of q, z and the torques that the URDF states; simulation does not enforce them."""
-        return limits(self)
+        base, q = self.platform.base_joints, self.q_rest  # at rest, where the steering is
+        joints = [i for i, name in enumerate(self.joint_names) if name not in base]
+        return limits(self.model, joints, self.velocity_map(q), self.actuation(q))
 
     @property
     def data(self) -> pin.Data:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 
+from mobman.arrays import Array, Index
 from mobman.kernels.dense import apply
 from mobman.kernels.program import Call, call
 from mobman.model.kernels import (
@@ -18,9 +19,24 @@ from mobman.model.kernels import (
     tip_kinematics,
     tip_position,
 )
+from mobman.model.platforms.platform import Platform
 
-if TYPE_CHECKING:
-    from mobman.model.mobile_manipulator import MobileManipulator
+
+class Structure(Protocol):
+    """Model and indices of a :class:`mobman.model.mobile_manipulator.MobileManipulator`."""
+
+    model: pin.Model
+    platform: Platform
+    platform_index: Index
+    arm_index: Index
+    q_rest: Array
+    nq: int
+    nz: int
+    n_alpha: int
+    k: int
+    tip_frame: int
+    tip_offset: Array
+    tip_chain: Array
 
 
 class Workspace:
@@ -52,7 +68,7 @@ class Workspace:
         run_jacobians: Pinocchio's part of :meth:`tip_steps`; needs q and q_dot.
     """
 
-    def __init__(self, robot: MobileManipulator) -> None:
+    def __init__(self, robot: Structure) -> None:
         l, p = len(robot.platform_index), robot.n_alpha
         self._robot = robot
         self.data = robot.model.createData()
