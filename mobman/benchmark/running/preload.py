@@ -15,13 +15,14 @@ import h5py
 
 import mobman.simulation.simulate  # noqa: F401
 from mobman.kernels.ahead import compile_ahead
+from mobman.provenance import machine, versions
 from mobman.simulation.metrics import list_metrics
 
 
 @cache
 def preload() -> None:
     """Load the machine code of every kernel, once a process; compile what is not compiled yet."""
-    for step in (compile_ahead, list_metrics, _use_h5py):
+    for step in (compile_ahead, list_metrics, versions, machine, _use_h5py):
         with contextlib.suppress(Exception):  # a run that needs what failed will say so
             step()
 
