@@ -71,7 +71,7 @@ def test_modules_of_the_package_register_themselves():
     from mobman.controllers.protocol import controllers
 
     assert "tsm" in controllers.names()
-    assert controllers.get("tsm").__module__ == "mobman.controllers.laws.tsm"
+    assert controllers.get("tsm").__module__ == "mobman.controllers.tsm"
 
 
 def test_unknown_name_is_answered_with_the_nearest_and_all(things):

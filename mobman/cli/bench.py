@@ -70,7 +70,7 @@ def list_command(as_json: bool) -> None:
 def show_command(suite: str, each: bool, as_json: bool) -> None:
     """Show what SUITE (a name or a TOML file) contains, and check all of it; nothing is run."""
     from mobman.benchmark.suite import load_suite
-    from mobman.model.platforms.types.custom import without_code
+    from mobman.model.platforms.custom import without_code
 
     chosen = load_suite(suite)
     with without_code():

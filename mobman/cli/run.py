@@ -354,7 +354,7 @@ def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
 
 
 def _code(name: str, option: str) -> Any:
-    from mobman.model.platforms.types.custom import load_code
+    from mobman.model.platforms.custom import load_code
 
     if ":" not in name:
         raise click.BadParameter(f"{name!r} is not FILE.py:NAME", param_hint=option)

@@ -43,7 +43,7 @@ class Controller(Protocol):
 
 
 controllers: Registry[type[Any]] = Registry(
-    "controller", "mobman.controllers.laws", "mobman.controllers"
+    "controller", "mobman.controllers", "mobman.controllers"
 )
 """Classes that are made from an instance of their own ``Gains``, a dataclass, or without anything."""
 

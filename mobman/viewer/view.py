@@ -15,7 +15,7 @@ from typing import Any
 from mobman.errors import UsageError
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.platforms.types.custom import without_code
+from mobman.model.platforms.custom import without_code
 from mobman.robots.catalogue import list_robots
 from mobman.robots.spec import RobotSpec
 from mobman.simulation.record import Record, load_record

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mobman as mm
-from mobman.controllers.sliding.bounds import sampled_states
-from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.bounds import sampled_states
+from mobman.controllers.task_errors import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
 from mobman.model.criterion import Posture
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.stages import DynamicStageAlone
 
-from mobman.controllers.sliding.dynamic_stage import DynamicGains
+from mobman.controllers.dynamic_stage import DynamicGains
 
 DT = 1e-3
 INERTIA = np.array([[3.0, 0.4], [0.4, 1.0]])

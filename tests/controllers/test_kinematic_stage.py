@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.stages import KinematicStageAlone
 
-from mobman.controllers.sliding.kinematic_stage import KinematicGains
+from mobman.controllers.kinematic_stage import KinematicGains
 
 DT = 1e-3
 

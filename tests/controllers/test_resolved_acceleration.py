@@ -7,8 +7,8 @@ import pytest
 from support.states import random_states
 
 import mobman as mm
-from mobman.controllers.computed_torque import computed_torque
-from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.baselines import computed_torque
+from mobman.controllers.task_errors import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
 from mobman.model.criterion import Posture
 from mobman.simulation.plant import Plant
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.controllers.sliding.signed_power import signed_power
+from mobman.controllers.unit_vector import signed_power
 
 
 def test_sign_is_kept():

@@ -10,7 +10,7 @@ from support.complements import aligned_kernel, stacked_jacobian
 from support.differences import derivative, relative
 
 import mobman as mm
-from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_errors import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap

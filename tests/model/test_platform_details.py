@@ -9,7 +9,7 @@ from support.platforms import PLATFORMS, on
 
 import mobman as mm
 from mobman.errors import SpecError
-from mobman.model.platforms.types import custom
+from mobman.model.platforms import custom
 
 
 def _frame(robot, link):

@@ -193,22 +193,25 @@ def test_another_robot_that_is_named_for_a_rerun(record, mobman):
 
 
 def test_law_and_task_that_are_named_for_a_rerun(trap, mobman, monkeypatch):
-    (trap.folder / "own_law.py").write_text(OWN, encoding="utf-8")
+    (trap.folder / "code_of_the_owner.py").write_text(OWN, encoding="utf-8")
     monkeypatch.syspath_prepend(trap.folder)
-    import own_law
+    import code_of_the_owner
 
     youbot = mm.load_robot("youbot")
     path = mm.simulate(
-        youbot, own_law.Nothing(), own_law.make_point(youbot, youbot.q_rest), duration=0.02
+        youbot,
+        code_of_the_owner.Nothing(),
+        code_of_the_owner.make_point(youbot, youbot.q_rest),
+        duration=0.02,
     ).save(trap.folder / "run.h5")
     refused = mobman("rerun", path)
     assert refused.status == 1
     assert "Nothing, which is not registered" in refused.err
-    law = ("--controller", "own_law.py:Nothing")
+    law = ("--controller", "code_of_the_owner.py:Nothing")
     assert "its task is an object" in mobman("rerun", path, *law).err
-    done = mobman("rerun", path, *law, "--task", "own_law.py:make_point", "--verify")
+    done = mobman("rerun", path, *law, "--task", "code_of_the_owner.py:make_point", "--verify")
     assert done.status == 0, done.err
-    for wrong in ("own_law.py", "own_law.py:Missing", "none.py:Nothing"):
+    for wrong in ("code_of_the_owner.py", "code_of_the_owner.py:Missing", "none.py:Nothing"):
         failed = mobman("rerun", path, "--controller", wrong)
         assert failed.status == 2
         assert wrong in failed.err

@@ -17,10 +17,12 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import click
 import h5py
 import numpy as np
 
 import mobman as mm
+from mobman.cli.main import mobman as group
 
 FOLDER = Path(__file__).parents[1] / "goldens"
 ROUNDING = 1e-15
@@ -226,11 +228,19 @@ def a_last_place_away(q: np.ndarray, generator: np.random.Generator) -> np.ndarr
 # The command line -------------------------------------------------------------------------------
 
 
+def _forget_help(command: click.Command) -> None:
+    """click keeps the help option of a command's first call, which may have been without the group."""
+    command._help_option = None
+    for part in getattr(command, "commands", {}).values():
+        _forget_help(part)
+
+
 def mobman(*arguments: str) -> tuple[int, str, str]:
     """Run ``python -m mobman`` in this process: its exit status, stdout and stderr."""
     out, err = io.StringIO(), io.StringIO()
     handler = signal.getsignal(signal.SIGTERM)
     status = 0
+    _forget_help(group)
     try:
         with (
             patch.object(sys, "argv", ["mobman", *arguments]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.controllers.task_space import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_errors import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
 from mobman.model.criterion import Posture
 from support.inclusions import inclusion
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.controllers.sliding.dynamic_stage import DynamicStage
-from mobman.controllers.sliding.kinematic_stage import KinematicStage
-from mobman.controllers.task_space import TaskErrors
+from mobman.controllers.dynamic_stage import DynamicStage
+from mobman.controllers.kinematic_stage import KinematicStage
+from mobman.controllers.task_errors import TaskErrors
 from mobman.kernels.program import program
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.controllers.sliding import unit_vector as kernels
-from mobman.controllers.sliding.discretization import unit_vector_steps
+from mobman.controllers import unit_vector as kernels
+from mobman.controllers.unit_vector import unit_vector_steps
 from mobman.kernels.program import program
 
 

@@ -67,7 +67,7 @@ class Platform(ABC):
     :math:`\dot x = N(x)\alpha` (3), :math:`A N = 0` (4).
 
     Controllers never see a platform; the robot assembles its matrices into those of (9), (16) and
-    (17). A new type is one new module in ``mobman/model/platforms/types`` that registers its class.
+    (17). A new type is one new module in ``mobman/model/platforms`` that registers its class.
     """
 
     coordinates: tuple[str, ...]
@@ -165,4 +165,4 @@ class Platform(ABC):
         return np.zeros((len(self.coordinates), len(self.velocity_names)))
 
 
-platforms: Registry[type[Platform]] = Registry("platform type", "mobman.model.platforms.types")
+platforms: Registry[type[Platform]] = Registry("platform type", "mobman.model.platforms")

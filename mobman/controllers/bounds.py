@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.task_space import ErrorsAlong, TaskSpace
+from mobman.controllers.task_errors import ErrorsAlong, TaskSpace
 from mobman.errors import SingularityError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task

@@ -18,15 +18,16 @@ from mobman.controllers.gains import (
     require_positive,
     require_positive_diagonal,
 )
-from mobman.controllers.sliding.discretization import Discretization, unit_vector_steps
-from mobman.controllers.sliding.sampled_control import (
+from mobman.controllers.task_errors import TaskErrors
+from mobman.controllers.unit_vector import (
+    Discretization,
     end_without_control,
     integrate,
+    signed_power,
     transpose_gram,
     transpose_rate,
+    unit_vector_steps,
 )
-from mobman.controllers.sliding.signed_power import signed_power
-from mobman.controllers.task_space import TaskErrors
 from mobman.kernels.dense import dot, norm
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call

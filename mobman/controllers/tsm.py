@@ -1,4 +1,6 @@
-"""The two stages put together: what the three terminal sliding mode laws share."""
+"""The terminal sliding mode laws: ``tsm`` (34)-(35) and (55)-(56), ``tsm-simplified`` (43)-(44) and
+(55)-(56), ``tsm-inverse-actuation`` (34)-(35) and (65)-(66).
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.criterion import posture_criterion
+from mobman.controllers.bounds import actuation_bound, inertia_bound, jacobian_bound
+from mobman.controllers.dynamic_stage import NO_INVERSE, DynamicGains, DynamicStage
 from mobman.controllers.gains import (
     Diagonal,
     as_settings,
@@ -18,12 +21,15 @@ from mobman.controllers.gains import (
     require_positive,
     require_positive_diagonal,
 )
-from mobman.controllers.sliding.bounds import actuation_bound, inertia_bound, jacobian_bound
-from mobman.controllers.sliding.discretization import DISCRETIZATIONS, Discretization
-from mobman.controllers.sliding.dynamic_stage import NO_INVERSE, DynamicGains, DynamicStage
-from mobman.controllers.sliding.kinematic_stage import KinematicGains, KinematicStage
-from mobman.controllers.sliding.unit_vector import NOT_DEFINITE
-from mobman.controllers.task_space import TaskSpace
+from mobman.controllers.kinematic_stage import KinematicGains, KinematicStage
+from mobman.controllers.protocol import controllers
+from mobman.controllers.task_errors import (
+    ExtendedTaskSpace,
+    TaskSpace,
+    TipTaskSpace,
+    posture_criterion,
+)
+from mobman.controllers.unit_vector import DISCRETIZATIONS, NOT_DEFINITE, Discretization
 from mobman.errors import SingularityError, UsageError
 from mobman.kernels.program import program
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -159,3 +165,45 @@ class CascadedSlidingControl:
                 else actuation_bound(robot, task, self.gains.w_7)
             )
         return a, bound
+
+
+class TerminalSlidingMode(CascadedSlidingControl):
+    """Kinematic stage on the extended Jacobian's transpose, v_ref' = J^T u_ref (34)-(35); dynamic
+    stage on the actuation matrix's transpose, v' = B^T u (55)-(56)."""
+
+    name = "tsm"
+    Gains = SlidingGains
+
+    def task_space(self, robot: MobileManipulator, task: Task) -> ExtendedTaskSpace:
+        """e = (e^e, e^a) of (13): the tip's errors and the criterion's transversality conditions."""
+        return ExtendedTaskSpace(robot, task, self.criterion)
+
+
+controllers.register(TerminalSlidingMode.name, TerminalSlidingMode)
+
+
+class SimplifiedTerminalSlidingMode(CascadedSlidingControl):
+    """Kinematic stage on the tip Jacobian's transpose, v_ref' = j_e^T u_ref (43)-(44); dynamic stage
+    as in ``tsm`` (55)-(56). What the tip leaves free is not controlled: ``c_F`` and ``K_F`` have no
+    effect here but on what is reported of the criterion."""
+
+    name = "tsm-simplified"
+    Gains = SlidingGains
+
+    def task_space(self, robot: MobileManipulator, task: Task) -> TipTaskSpace:
+        """e = e^e: the tip's errors alone."""
+        return TipTaskSpace(robot, task)
+
+
+controllers.register(SimplifiedTerminalSlidingMode.name, SimplifiedTerminalSlidingMode)
+
+
+class InverseActuationSlidingMode(TerminalSlidingMode):
+    """Kinematic stage as in ``tsm`` (34)-(35); dynamic stage v' = B^-1 u (65)-(66), with the gain
+    ``A`` in the place of A' of (64)."""
+
+    name = "tsm-inverse-actuation"
+    inverse_actuation = True
+
+
+controllers.register(InverseActuationSlidingMode.name, InverseActuationSlidingMode)

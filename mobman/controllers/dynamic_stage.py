@@ -20,14 +20,15 @@ from mobman.controllers.gains import (
     require_positive,
     require_positive_diagonal,
 )
-from mobman.controllers.sliding.discretization import Discretization, unit_vector_steps
-from mobman.controllers.sliding.sampled_control import (
+from mobman.controllers.unit_vector import (
+    Discretization,
     end_without_control,
     integrate,
+    signed_power,
     transpose_gram,
     transpose_rate,
+    unit_vector_steps,
 )
-from mobman.controllers.sliding.signed_power import signed_power
 from mobman.kernels import lu
 from mobman.kernels.dense import norm
 from mobman.kernels.kernel import kernel

@@ -1,4 +1,4 @@
-"""Task errors and Jacobians at (q, z), as the laws need them."""
+"""Task errors and Jacobians at (q, z), and the criterion, as the laws need them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import Protocol
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
+from mobman.controllers.gains import Diagonal, diagonal
 from mobman.errors import SingularityError
 from mobman.kernels.dense import dot
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call, program
-from mobman.model.criterion import Criterion
+from mobman.model.criterion import Criterion, Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.extended_kernels import stack, task_rates
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -189,3 +190,20 @@ def _errors(
             e_dot[i] -= p_d[1, i]
             p_ddot[i] = p_d[2, i]
             p_dddot[i] = p_d[3, i]
+
+
+def posture_criterion(robot: MobileManipulator, c_F: float, K_F: Diagonal | None) -> Posture:
+    """The criterion (12) of a law.
+
+    Args:
+        robot: The nominal robot.
+        c_F: Its factor.
+        K_F: Diagonal of its weights; the robot's own if None. The robot's couplings stay.
+
+    Raises:
+        GainError: If K_F has not one weight for each coordinate of q.
+    """
+    if K_F is None:
+        return Posture.of(robot, c_F)
+    weights = diagonal("K_F", K_F, robot.nq)
+    return Posture(weights, robot.q_rest, c_F, robot.criterion_couplings)

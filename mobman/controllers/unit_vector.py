@@ -1,4 +1,4 @@
-r"""The unit vector s/|s| of (34), (44), (55) and (66): as printed, and discretised implicitly.
+"""The unit vector s/|s| of (34), (44), (55) and (66): as printed, and discretised implicitly.
 
 Evaluated at the tick's start (explicit), the unit vector chatters. Evaluated at the tick's **end**
 (implicit, after Acary and Brogliato) it does not: with :math:`s^+ = b - P n`, where b is the value
@@ -9,11 +9,15 @@ vector of :math:`s^+` itself, or any vector of the unit ball that gives :math:`s
 from __future__ import annotations
 
 import math
+from typing import Literal
 
-from mobman.arrays import Matrix, Vector
+import numpy as np
+
+from mobman.arrays import Array, Matrix, Vector
 from mobman.kernels import cholesky
-from mobman.kernels.dense import apply, dot, norm
+from mobman.kernels.dense import apply, apply_transpose, dot, gram, norm
 from mobman.kernels.kernel import kernel
+from mobman.kernels.program import Call, call
 
 NOT_DEFINITE = 3
 """Status: the metric is not positive definite."""
@@ -117,3 +121,72 @@ def _shifted_factor(metric: Matrix, gram: Matrix, sigma: float, lower: Matrix) -
         for j in range(i + 1):
             lower[i, j] = sigma * metric[i, j] + gram[i, j]
     return _factor(lower, lower)
+
+
+Discretization = Literal["implicit", "explicit"]
+DISCRETIZATIONS: tuple[Discretization, ...] = ("implicit", "explicit")
+
+
+def unit_vector_steps(
+    discretization: Discretization,
+    boundary_layer: float,
+    s: Array,
+    b: Array,
+    metric: Array,
+    gram: Array,
+    n: Array,
+) -> list[Call]:
+    """Steps that choose n for a tick that starts at s.
+
+    Args:
+        discretization: ``"implicit"``, the unit vector of s at the tick's end, or ``"explicit"``, as
+            printed, at its start.
+        boundary_layer: Width of the boundary layer, 0 for none.
+        s: The sliding variable now, shape (p,).
+        b: What it would be at the tick's end without control, shape (p,).
+        metric: See :func:`implicit_unit_vector`.
+        gram: See :func:`implicit_unit_vector`.
+        n: For the result, shape (p,).
+    """
+    layer = float(boundary_layer)
+    if discretization == "explicit":
+        return [call(explicit_unit_vector, s, layer, n)]
+    work = (np.zeros_like(s), np.zeros_like(gram), np.zeros_like(s))
+    return [call(implicit_unit_vector, metric, gram, b, layer, n, *work)]
+
+
+@kernel
+def end_without_control(s: Vector, residual: Vector, dt: float, b: Vector) -> None:
+    """What s would be at the tick's end."""
+    for i in range(s.shape[0]):
+        b[i] = s[i] + dt * residual[i]
+
+
+@kernel
+def transpose_gram(J: Matrix, k: Vector, dt: float, matrix: Matrix) -> None:
+    """dt k J J^T: what n takes away from s over the tick."""
+    gram(J, matrix)
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            matrix[i, j] *= dt * k[0]
+
+
+@kernel
+def transpose_rate(J: Matrix, k: Vector, n: Vector, rate: Vector) -> None:
+    """rate = J^T u with u = -k n: v_ref' (35), (43) of (34), (44), and with B for J v' (56) of (55)."""
+    apply_transpose(J, n, rate)
+    for i in range(rate.shape[0]):
+        rate[i] *= -k[0]
+
+
+@kernel
+def integrate(rate: Vector, dt: float, integral: Vector) -> None:
+    """integral += dt rate."""
+    for i in range(rate.shape[0]):
+        integral[i] += dt * rate[i]
+
+
+@kernel
+def signed_power(x: float, exponent: float) -> float:
+    """sign(x) |x|^exponent: what the paper's odd roots mean."""
+    return math.copysign(math.pow(abs(x), exponent), x)

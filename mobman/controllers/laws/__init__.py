@@ -1,1 +1,0 @@
-"""The control laws; each module registers the ones it defines."""

@@ -1,1 +1,0 @@
-"""The pieces of the two-stage terminal sliding mode laws."""

@@ -1,1 +1,0 @@
-"""The platform types; each module registers the ones it defines."""
