@@ -33,7 +33,7 @@ SIZES = f"0, or of a size from {SMALLEST:g} to {LARGEST:g}"
 
 
 def beyond_sizes(value: Any) -> bool:
-    """Whether a number, or one in a list or mapping, is infinite or of a size that is not allowed."""
+    """True if a number, or one in a list or mapping, is infinite or of a size that is not allowed."""
     if isinstance(value, Mapping):
         return any(map(beyond_sizes, value.values()))
     if isinstance(value, (list, tuple, np.ndarray)):

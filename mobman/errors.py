@@ -12,15 +12,15 @@ FOREIGN_ERRORS = (Exception, SystemExit)
 class MobmanError(Exception):
     """Base class of every error that mobman raises on purpose.
 
-    ``exit_status`` is what the command line returns for it: 1, the thing asked for failed; 2, it was
-    asked for wrongly.
+    ``exit_status`` is what the command line returns for it: 1, the command failed; 2, invalid
+    usage.
     """
 
     exit_status = 1
 
 
 class UsageError(MobmanError, ValueError):
-    """Something was asked for wrongly: a name, an option or a value that cannot be."""
+    """Invalid usage: a name, an option or a value that is not allowed."""
 
     exit_status = 2
 

@@ -1,4 +1,4 @@
-"""Where the project's own robots and suites lie: in the wheel, or beside the package in a checkout."""
+"""Folders of the project's own robots and suites: in the wheel, or next to the package in a checkout."""
 
 from __future__ import annotations
 

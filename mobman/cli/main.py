@@ -1,6 +1,6 @@
 """The entry point: sub-commands, and errors as one or two plain lines.
 
-Exit status: 0 done; 1 the thing asked for failed; 2 it was asked for wrongly; 130 interrupted.
+Exit status: 0 done; 1 the command failed; 2 invalid usage; 130 interrupted.
 """
 
 from __future__ import annotations

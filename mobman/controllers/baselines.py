@@ -101,7 +101,7 @@ class ResolvedAcceleration:
         """The steps that write the wanted acceleration, shape (nz,), once the errors are known."""
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start anew; the law's only state is the axes of e^a, where it has them."""
+        """Start again; the law's only state is the axes of e^a, where it has them."""
         self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
         space = self.task_space(robot, task)
         now, nz = space.workspace, robot.nz
@@ -149,7 +149,7 @@ def tracking_acceleration(
     K_v: float,
     wanted: Vector,
 ) -> None:
-    """What J z' is to be: p_d'' - K_v e' - K_p e - J' z."""
+    """The value wanted of J z': p_d'' - K_v e' - K_p e - J' z."""
     for i in range(wanted.shape[0]):
         wanted[i] = p_ddot[i] - K_v * e_dot[i] - K_p * e[i] - J_dot_z[i]
 

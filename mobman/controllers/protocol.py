@@ -1,4 +1,4 @@
-"""What a controller is, and the registry of those with names."""
+"""Interface of a controller, and the registry of controllers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Controller(Protocol):
     """
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start anew: the nominal robot, the task and the sampling period (s) are these."""
+        """Start again with the nominal robot, the task and the sampling period (s)."""
         ...
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:

@@ -53,7 +53,7 @@ class TaskSpace(Protocol):
     """The errors at the time and the state."""
 
     def steps(self) -> list[Call]:
-        """What computes ``errors``, after the workspace's velocity steps and ``run_jacobians``."""
+        """Steps that compute ``errors``, after the workspace's velocity steps and ``run_jacobians``."""
         ...
 
     def resolve(self, status: int) -> None:

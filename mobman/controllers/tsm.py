@@ -84,7 +84,7 @@ class CascadedSlidingControl:
         raise UsageError(f"{type(self).__name__} does not say what its task space is")
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start anew with v = 0, v_ref = 0 and empty integrals; "auto" bounds are found here.
+        """Start again with v = 0, v_ref = 0 and empty integrals; "auto" bounds are found here.
 
         Raises:
             GainError: If a gain has the wrong length for the robot.

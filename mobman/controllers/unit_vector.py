@@ -157,7 +157,7 @@ def unit_vector_steps(
 
 @kernel
 def end_without_control(s: Vector, residual: Vector, dt: float, b: Vector) -> None:
-    """What s would be at the tick's end."""
+    """The value that s would have at the tick's end without control."""
     for i in range(s.shape[0]):
         b[i] = s[i] + dt * residual[i]
 

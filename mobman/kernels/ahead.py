@@ -11,7 +11,7 @@ from mobman.kernels.cache import kernel_files, kernel_folder, unsafe
 
 
 def compiled_ahead() -> bool:
-    """Whether that has been done on this machine for this version."""
+    """True if that has been done on this machine for this version."""
     return (kernel_folder() / "complete").exists()
 
 

@@ -1,4 +1,4 @@
-"""Where machine code is kept between processes.
+"""Machine code kept on disk between processes.
 
 numba's own cache looks at a function's own file only, not at those of the kernels that it calls, so a
 changed kernel could live on inside its callers. Here the machine code of a version of the kernels has

@@ -38,7 +38,7 @@ def factor(a: Matrix, lower: Matrix) -> int:
 
 @kernel
 def well_posed(lower: Matrix) -> bool:
-    """Whether a factor's matrix has its full rank beyond what rounding may pretend."""
+    """True if a factor's matrix has its full rank beyond rounding."""
     least = greatest = lower[0, 0]
     for i in range(1, lower.shape[0]):
         least = min(least, lower[i, i])

@@ -41,7 +41,7 @@ def kernel(function: Function) -> Function:
 
 
 def is_compiled(function: object) -> bool:
-    """Whether a function is machine code to be: a kernel, and compilation is not switched off."""
+    """True for a kernel, unless compilation is switched off."""
     return isinstance(function, numba.core.registry.CPUDispatcher)
 
 

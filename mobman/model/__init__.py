@@ -1,1 +1,1 @@
-"""What the equations need at (q, z): platforms, reduced dynamics, tip kinematics, extended Jacobian."""
+"""Terms of the equations at (q, z): platforms, reduced dynamics, tip kinematics, extended Jacobian."""

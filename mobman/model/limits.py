@@ -1,4 +1,4 @@
-"""What a robot's joints and motors allow, as bounds of q, z and the torques."""
+"""Limits of a robot's joints and motors, as bounds of q, z and the torques."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NO_BOUND = 1e8  # joints without limits have some 1e9 in the model
 
 
 class Limits(NamedTuple):
-    """Bounds; inf where a URDF states none (0 or an absurdly large number, by custom)."""
+    """Bounds; inf where a URDF states none (0 or a very large number, by convention)."""
 
     lower: Array
     """Of q (m, rad), shape (nq,)."""

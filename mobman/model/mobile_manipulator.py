@@ -34,7 +34,7 @@ class Dynamics(NamedTuple):
 
 
 class Velocity(NamedTuple):
-    """How the coordinates move at one (q, z), (9): q' = C z, q'' = C z' + C' z."""
+    """Motion of the coordinates at one (q, z), (9): q' = C z, q'' = C z' + C' z."""
 
     C: Array
     """Shape (nq, nz)."""
@@ -45,7 +45,7 @@ class Velocity(NamedTuple):
 
 
 class TipKinematics(NamedTuple):
-    """Where the tip is and how it moves at one (q, z); linear rows first, world axes."""
+    """Position and motion of the tip at one (q, z); linear rows first, world axes."""
 
     position: Array
     """Origin of the tip frame (m), shape (3,)."""
@@ -57,7 +57,7 @@ class TipKinematics(NamedTuple):
 
 @dataclass(frozen=True)
 class Geometry:
-    """What a robot looks like and what it may collide with, in Pinocchio's terms."""
+    """Visual and collision geometry of a robot, as Pinocchio's models."""
 
     visual: pin.GeometryModel
     collision: pin.GeometryModel
@@ -278,7 +278,7 @@ class MobileManipulator:
         return Dynamics(M=now.M.copy(), bias=now.bias.copy(), B=now.B.copy())
 
     def motor_inertia(self, q: Array) -> Array:
-        """What each motor's axis feels, the diagonal of B^-1 M B^-T (kg m^2, kg), shape (nz,)."""
+        """Effective inertia at each actuator, diag(B^-1 M B^-T) (kg m^2, kg), shape (nz,)."""
         m, _, b = self.dynamics(q, np.zeros(self.nz))
         return np.diag(np.linalg.solve(b, np.linalg.solve(b, m).T)).copy()
 
@@ -298,7 +298,7 @@ class MobileManipulator:
         return pin.updateFramePlacement(self.model, self.data, self.tip_frame).copy()
 
     def arm_origin(self, q: Array) -> Array:
-        """Where the first joint is that moves the tip and is not the platform's (m), shape (3,)."""
+        """Position of the first joint that moves the tip and is not the platform's (m), shape (3,)."""
         pin.forwardKinematics(self.model, self.data, _vector("q", q, self.nq))
         chain = self.model.supports[self.model.frames[self.tip_frame].parentJoint]
         first = next(i for i in chain if self.model.joints[i].idx_q in self.arm_index)

@@ -1,4 +1,4 @@
-"""Everything that the equations need at one (q, z), in memory that stays where it is."""
+"""Preallocated buffers for kinematics and dynamics at one state."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from mobman.viewer.robot import Primitive, robot_scene
 Layout = Literal["overlay", "side-by-side"]
 LAYOUTS: tuple[Layout, Layout] = ("overlay", "side-by-side")
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c564b")
-"""Colours of runs; the first are told apart with any colour vision (Okabe and Ito)."""
+"""Colours of runs; the first can be distinguished with any colour vision (Okabe and Ito)."""
 _DECADES = 8
 _FAR = 3.0
 """The distance at which a run that flies away leaves the picture, in sizes of its desired path."""

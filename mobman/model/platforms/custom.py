@@ -52,7 +52,7 @@ class CustomParameters(Strict):
 
 @runtime_checkable
 class PlatformDefinition(Protocol):
-    """What a user's class must have.
+    """Interface of a user's platform class.
 
     Optional: ``root_offset`` (3,), ``heading`` and ``wheels`` (pairs of a joint and a radius), as of
     :class:`Platform`; ``actuation(x)``, B'' of
@@ -235,7 +235,7 @@ class Custom(Platform):
                 )
 
     def _checked(self, where: str, name: str, shape: tuple[int, ...], *arguments: Array) -> Array:
-        """What one of the user's functions gives.
+        """The result of one of the user's functions.
 
         Raises:
             SpecError: If it fails, or gives another shape or what is no number.

@@ -57,7 +57,7 @@ class Fixed(Platform):
 
     @property
     def equations(self) -> Equations:
-        """Of no coordinates."""
+        """Empty matrices: there are no coordinates."""
         return self._equations
 
 

@@ -225,7 +225,7 @@ def _check_level(site: Site, places: Sequence[JointPlace]) -> None:
 
 
 def _names(given: OmnidirectionalParameters) -> list[str]:
-    """Of a platform described by its numbers."""
+    """Names of the wheels' joints of a platform described by its numbers."""
     if given.kind == "mecanum":
         return [f"wheel_{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
     count = len(given.body.angles) if given.body is not None else 0

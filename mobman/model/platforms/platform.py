@@ -1,4 +1,4 @@
-"""What a driving base must say of itself, and the registry of types."""
+"""Interface of a mobile base, and the registry of base types."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Wheel(NamedTuple):
 
 
 class Site(NamedTuple):
-    """What a platform is made from."""
+    """The description that a platform is made from."""
 
     parameters: dict[str, Any]
     """The type's own fields of ``[platform]``, not yet checked."""

@@ -156,7 +156,7 @@ class SkidSteer(BodyFramePlatform):
 
 
 def _names(side: str) -> list[str]:
-    """Of a platform described by its numbers."""
+    """Names of the wheels' joints of a platform described by its numbers."""
     return [f"wheel_front_{side}", f"wheel_rear_{side}"]
 
 

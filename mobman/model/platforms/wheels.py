@@ -1,4 +1,4 @@
-"""Where a URDF has its wheels, and which way they roll."""
+"""Positions of a URDF's wheels, and the directions in which they roll."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class JointPlace(NamedTuple):
 
 
 def joint_place(site: Site, name: str, field: str, heading: float) -> JointPlace:
-    """Where a joint is.
+    """Locate a joint.
 
     Args:
         site: The description and its tree.
@@ -64,7 +64,7 @@ def joint_place(site: Site, name: str, field: str, heading: float) -> JointPlace
 
 
 def wheel_place(site: Site, name: str, field: str, heading: float) -> JointPlace:
-    """Where a wheel is whose axis is along the platform's y.
+    """Locate a wheel whose axis is along the platform's y.
 
     Raises:
         SpecError: If it is no movable joint, or its axis is another.
