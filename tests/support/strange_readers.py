@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections import deque
 from itertools import repeat
 
@@ -11,6 +13,11 @@ import numpy as np
 def endless():
     """A loop within C, which no exception interrupts."""
     deque(repeat(0), maxlen=0)
+
+
+def dies(*_):
+    """As a library that writes where it may not."""
+    os.kill(os.getpid(), signal.SIGSEGV)
 
 
 def greedy():
