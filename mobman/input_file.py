@@ -55,3 +55,23 @@ def read_input(path: Path, what: str, megabytes: float, advice: str) -> bytes:
 def _cannot_read(path: Path, what: str, error: OSError | ValueError) -> SpecError:
     reason = error.strerror if isinstance(error, OSError) else None
     return SpecError(f"cannot read the {what} {path}: {reason or error}")
+
+
+def check_within(path: Path, folder: Path) -> None:
+    """Check that a file of a folder is no link to elsewhere.
+
+    Raises:
+        SpecError: If it is one.
+    """
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise SpecError(f"{path} is a link out of {folder}, which is not followed")
+
+
+def read_within(path: Path, folder: Path, what: str, megabytes: float) -> bytes:
+    """The content of a file of a folder that somebody else may have made.
+
+    Raises:
+        SpecError: As :func:`read_input`, and if it is a link to elsewhere.
+    """
+    check_within(path, folder)
+    return read_input(path, what, megabytes, "mobman writes smaller ones")

@@ -10,11 +10,13 @@ from typing import Any
 
 from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.suite import Suite
-from mobman.errors import MobmanError
+from mobman.errors import MobmanError, SpecError
 from mobman.files import temporary_beside
+from mobman.input_file import read_within
 
 SCHEMA_VERSION = 2
 NAME = "suite.json"
+_MEGABYTES = 200.0  # 10,000 runs take some 5 MB
 _ADVICE = (
     "Run the suite again, into another folder, or into this one without that file: runs that are there "
     "and still fit are used"
@@ -64,13 +66,15 @@ def read_manifest(folder: Path) -> Manifest:
     """
     path = folder / NAME
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise MobmanError(f"{folder} holds no results: there is no {NAME}") from error
-    except NotADirectoryError as error:
-        raise MobmanError(f"{folder} is no folder of results: it is a file") from error
+        if folder.exists() and not folder.is_dir():
+            raise MobmanError(f"{folder} is no folder of results: it is a file")
+        if not path.exists():
+            raise MobmanError(f"{folder} holds no results: there is no {NAME}")
+        content = json.loads(read_within(path, folder, "manifest", _MEGABYTES))
     except OSError as error:
         raise MobmanError(f"cannot read {path}: {error.strerror or error}") from error
+    except SpecError as error:
+        raise MobmanError(str(error)) from error
     except (ValueError, RecursionError) as error:
         raise MobmanError(f"cannot read {path}: it is not JSON ({error}). {_ADVICE}") from error
     version = content.get("schema_version") if isinstance(content, dict) else None
@@ -80,13 +84,34 @@ def read_manifest(folder: Path) -> Manifest:
         )
     try:
         parts = content["shared"]
-        runs = [RunSpec(**_unfold(run, parts)) for run in content["runs"]]
+        runs = [_checked(RunSpec(**_unfold(run, parts))) for run in content["runs"]]
         suite = Suite.model_validate(content["suite"])
-        return Manifest(suite, tuple(runs), content["seconds"], content["workers"])
+        seconds, workers = content["seconds"], content["workers"]
+        for name, value in (("seconds", seconds), ("workers", workers)):
+            if value is not None and not (type(value) in (int, float) and 0 <= value < 1e12):
+                raise ValueError(f"{name} is {value!r}")
+        return Manifest(suite, tuple(runs), seconds, workers)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, MobmanError) as error:
         raise MobmanError(
             f"{path} is not whole ({type(error).__name__}: {error}). {_ADVICE}"
         ) from error
+
+
+def _checked(run: RunSpec) -> RunSpec:
+    """The run, if its fields are of the types that they are declared with.
+
+    Raises:
+        ValueError: If one is not.
+    """
+    for field in fields(run):
+        value, declared = getattr(run, field.name), str(field.type)
+        kinds = {"str": (str,), "int": (int,), "float": (int, float)}.get(declared, (dict,))
+        wrong = type(value) not in kinds
+        if wrong or (declared in ("int", "float") and not abs(value) < 2**63):
+            raise ValueError(f"field {field.name!r} of a run is {str(value)[:60]!r}")
+    if not isinstance(run.scenario.get("name"), str):
+        raise KeyError("name")  # of the scenario
+    return run
 
 
 class _Shared:

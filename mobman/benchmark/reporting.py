@@ -21,6 +21,7 @@ from mobman.benchmark.report.report import Request, write_report
 from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.store import Store
 from mobman.errors import MobmanError, RecordError
+from mobman.input_file import check_within
 from mobman.simulation.record import RecordSummary, load_record, read_summary
 
 WriteReplay = Callable[[Path, Path, float | None], None]
@@ -119,6 +120,7 @@ def read_results(
             continue
         run = _reported(spec, summary, path, place)
         page = place / _REPLAYS / f"{path.stem}.html"
+        check_within(page.parent, place)
         if write_replay is not None:
             try:
                 write_replay(path, page, _instant(run))

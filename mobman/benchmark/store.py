@@ -12,8 +12,9 @@ from mobman.benchmark.index import write_index
 from mobman.benchmark.manifest import NAME, Manifest, read_manifest
 from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.suite import Suite
-from mobman.errors import MobmanError, RecordError
+from mobman.errors import MobmanError, RecordError, SpecError
 from mobman.files import is_abandoned, temporary_beside
+from mobman.input_file import check_within, read_within
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
 
 
@@ -129,9 +130,13 @@ class Store:
         found = []
         for path in sorted((self.folder / "failures").glob("*.json")):
             try:
-                found.append(Failure(path.stem, str(json.loads(path.read_bytes())["reason"])))
-            except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-                found.append(Failure(path.stem, f"{path} is not readable: {error!r}"))
+                content = json.loads(read_within(path, path.parent, "failure", 1.0))
+                found.append(Failure(path.stem, str(content["reason"])))
+            except MobmanError as error:
+                found.append(Failure(path.stem, str(error)))
+            except (ValueError, KeyError, TypeError, RecursionError) as error:
+                # not its text, which may be that of any file
+                found.append(Failure(path.stem, f"{path} is not readable: {type(error).__name__}"))
         return found
 
     def done(self, run: RunSpec) -> bool:
@@ -187,7 +192,10 @@ class Store:
     def _read(self, path: Path) -> RecordSummary:
         """The summary of a file, read again where it changed: reports and indices ask for the same."""
         try:
+            check_within(path, path.parent)
             status = path.stat()
+        except SpecError as error:
+            raise RecordError(str(error)) from error
         except OSError:
             return read_summary(path)  # which says what is wrong
         key = (status.st_mtime_ns, status.st_size)

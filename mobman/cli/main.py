@@ -22,6 +22,8 @@ from mobman.cli.view import view
 from mobman.errors import MobmanError
 from mobman.version import __version__
 
+_LONGEST = 4000  # characters of a message
+
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, "--version", prog_name="mobman", message="%(prog)s %(version)s")
@@ -87,5 +89,8 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def _fail(message: str, status: int) -> None:
-    echo(f"mobman: {' '.join(message.split())}", err=True)
+    text = " ".join(message.split())
+    if len(text) > _LONGEST:
+        text = f"{text[:_LONGEST]}... ({len(text)} characters)"
+    echo(f"mobman: {text}", err=True)
     sys.exit(status)

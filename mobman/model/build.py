@@ -22,6 +22,7 @@ from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf.compose import LINK, flat_urdf
 from mobman.robots.urdf.meshes import MeshError, read_triangles
 from mobman.robots.urdf.read import UrdfSources, urdf_sources
+from mobman.robots.urdf.validate import too_large
 
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
 
@@ -57,6 +58,8 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     where = spec.where
     sources = urdf_sources(spec) if sources is None else sources
     assembly = Assembly(spec, sources)
+    if fault := too_large(assembly.robot):
+        raise SpecError(f"{where}: the robot with all that is mounted on it: {fault}")
     # where the wheels are says where the platform's frame is
     still = _parse(spec, flat_urdf(deepcopy(assembly.robot), where, base_joints=()))
     platform = platform_type(spec).build(Site(spec.platform.parameters, still, where, spec.folder))

@@ -28,6 +28,8 @@ from mobman.simulation.record_file import (
 )
 
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
+_DEEPEST = 50  # levels of what is described
+_LONGEST = 20_000_000  # characters of a text
 _MOST_NAMES = 10_000  # of joints, metrics and signals
 _URDF_NAME = re.compile(r"(plant/)?[0-9]{1,4}/(?!\.{1,2}$)[^/\0]{1,255}")
 _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
@@ -126,6 +128,10 @@ class _Reader:
         """See :func:`read_head`."""
         found: dict[str, Any] = {name: self._text(name) for name in TEXTS}
         found |= {f"{name}_json": self._json(f"{name}_json") for name in DICTIONARIES}
+        for name in ("versions", "machine"):
+            values = json.loads(found[f"{name}_json"]).values()
+            if not all(isinstance(value, str) for value in values):
+                raise TypeError(f"its attribute '{name}_json' has entries that are not text")
         found["seed"] = self._integer("seed")
         found["decimation"] = self._integer("decimation")
         if found["decimation"] < 1:
@@ -181,7 +187,10 @@ class _Reader:
         found = self._attribute(name)
         if h5py.check_string_dtype(found.dtype) is None or found.shape != ():
             raise TypeError(f"its attribute {name!r} is no text")
-        return _unicode(str(self._attributes[name]), f"its attribute {name!r}")
+        text = _unicode(str(self._attributes[name]), f"its attribute {name!r}")
+        if len(text) > _LONGEST:
+            raise ValueError(f"its attribute {name!r} has {len(text)} characters")
+        return text
 
     def _json(self, name: str) -> str:
         text = self._text(name)
@@ -193,6 +202,8 @@ class _Reader:
             raise ValueError(f"its attribute {name!r} is not JSON: {error}") from error
         if not isinstance(content, dict):
             raise TypeError(f"its attribute {name!r} is no dictionary")
+        if _depth(content) > _DEEPEST:
+            raise ValueError(f"its attribute {name!r} is nested too deeply")
         return text
 
     def _integer(self, name: str) -> int:
@@ -231,6 +242,8 @@ class _Reader:
                 raise ValueError(f"its metric {name!r} is no number")
             value = np.empty((), dtype=float)
             attribute.read(value)
+            if name in ("", ".", "..") or "/" in name:
+                raise ValueError(f"its metric {name!r} has a name that no dataset can have")
             metrics[name] = float(value)
         return metrics
 
@@ -349,6 +362,12 @@ class _Reader:
             )
         self._left -= size
         return dataset
+
+
+def _depth(value: Any) -> int:
+    """Levels of lists and dictionaries in a value of JSON."""
+    parts = value.values() if isinstance(value, dict) else value
+    return 1 + max(map(_depth, parts), default=0) if isinstance(value, (dict, list)) else 0
 
 
 def _unicode(text: str, where: str) -> str:

@@ -24,14 +24,13 @@ from mobman.simulation.run_spec import (
     changed_since,
     controller_of,
     plant_of,
+    recorded_scenario,
     require_same,
     robot_of,
     task_of,
 )
-from mobman.simulation.scenario import Scenario
 from mobman.simulation.simulate import seconds, simulate, true_plant, whole_ticks
 from mobman.tasks.task import Task
-from mobman.toml_model import validate
 
 Progress = Callable[[float], None]
 
@@ -44,7 +43,8 @@ their changes from tick to tick, long before it does in where the robot goes."""
 _TIMING = "compute_time"  # of the dataset, and what the metrics made of it begin with
 _TEXTS = ("robot", "controller", "task", "scenario", "seed", "status")
 _TICKS = 2  # by which a time that a metric tells may be later or earlier elsewhere
-_FEW = 1000  # ticks, which take less time than a check of the length
+# Ticks: few take less time than a look at the length; of a run that ended early the rest is not kept.
+_FEW, _MOST_AFTER_THE_END, _MOST_DECIMATION = 1000, 1_000_000, 10_000
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def verify(
 def _repeated(record: Record, path: Path, own: Own, progress: Progress | None) -> Record:
     try:
         _check_length(record)
-        again = _run(record.spec, record.urdf, own, progress)
+        again = _run(record.spec, record.urdf, own, _ending(record, progress))
     except MobmanError as error:
         raise RecordError(f"{path} cannot be repeated: {error}") from error
     except Exception as error:  # what is in the file may be anything
@@ -145,12 +145,28 @@ def _check_length(record: Record) -> None:
     """
     dt, duration = float(record.spec["dt"]), float(record.spec["duration"])
     ticks = whole_ticks(seconds("duration", duration), seconds("dt", dt))
-    kept = len(record.t) * record.decimation
-    if record.ok and ticks > 2 * kept + _FEW:
+    most = 2 * len(record.t) * min(record.decimation, _MOST_DECIMATION) + _FEW
+    if ticks > (most if record.ok else most + _MOST_AFTER_THE_END):
         raise RecordError(
             f"its {len(record.t)} samples, every {record.decimation}th kept, are not those of a run of "
             f"{duration:g} s at dt = {dt:g} s"
         )
+
+
+def _ending(record: Record, progress: Progress | None) -> Progress:
+    """Progress that ends a repetition which goes on far beyond the end of the record."""
+    last = float(record.t[-1])
+    most = (2.0 * last + 1.0) / float(record.spec["duration"])
+
+    def go_on(fraction: float) -> None:
+        if fraction > most and not record.ok:
+            raise RecordError(
+                f"it goes on beyond t = {last:g} s, where the run of the record ended"
+            )
+        if progress is not None:
+            progress(fraction)
+
+    return go_on
 
 
 def _run(
@@ -168,7 +184,7 @@ def _run(
     ]
     if reasons:
         raise RecordError("; ".join(map(str, reasons)))
-    scenario = validate(Scenario, spec["scenario"], "its scenario")
+    scenario = recorded_scenario(spec["scenario"])
     controller = controller_of(spec) if own.controller is None else own.controller
     robot = robot_of(spec, urdf, own.robot)
     q0 = robot.checked_configuration(np.array(spec["q0"], dtype=float))

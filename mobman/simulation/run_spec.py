@@ -31,6 +31,7 @@ from mobman.robots.catalogue import as_spec, find_spec, list_robots, registered_
 from mobman.robots.urdf.read import UrdfFile, UrdfSources, urdf_sources
 from mobman.simulation.scenario import Scenario, load_scenario
 from mobman.tasks.task import Task, make_task, task_parameters, tasks
+from mobman.toml_model import validate
 
 GivenPlant = MobileManipulator | Scenario | str | os.PathLike[str] | None
 
@@ -154,6 +155,20 @@ def robot_of(
     return robot
 
 
+def recorded_scenario(described: Any) -> Scenario:
+    """The scenario of a record, which has what it extends in it: no other file is read for it.
+
+    Raises:
+        RecordError: If it extends another one.
+        SpecError: If it is no scenario.
+    """
+    if isinstance(described, dict) and described.get("extends"):
+        raise RecordError(
+            "its scenario names others that it extends, which a record has no need to"
+        )
+    return validate(Scenario, described, "its scenario")
+
+
 def plant_of(
     spec: dict[str, Any], urdf: dict[str, bytes], robot: MobileManipulator
 ) -> MobileManipulator | Scenario | None:
@@ -163,7 +178,7 @@ def plant_of(
         RecordError: If it cannot be built.
     """
     if "plant_scenario" in spec:
-        return Scenario.model_validate(spec["plant_scenario"])
+        return recorded_scenario(spec["plant_scenario"])
     if "plant_inertias" not in spec:
         return None
     base = _build(spec["plant_robot"], urdf, "plant/") if "plant_robot" in spec else robot

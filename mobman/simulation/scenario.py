@@ -85,6 +85,10 @@ def _acceleration(value: Any) -> Any:
 Number = Annotated[float, Field(strict=True)]
 
 
+MOST_PIECES = 100
+"""Of one kind in a scenario."""
+
+
 class Scenario(Strict):
     """A scenario: the content of a file ``mobman/simulation/scenarios/NAME.toml``."""
 
@@ -99,19 +103,19 @@ class Scenario(Strict):
     """True rotational inertia of every link over the nominal one; the mass factor by default."""
     payload: Number = Field(0.0, ge=0)
     """Point mass at the tip that the controller does not know (kg)."""
-    inertias: list[InertiaSource] = []
+    inertias: list[InertiaSource] = Field([], max_length=MOST_PIECES)
     """More of the kind, one after the other, before the payload."""
-    friction: list[FrictionSource] = []
+    friction: list[FrictionSource] = Field([], max_length=MOST_PIECES)
     """On the motors' axes; they add up."""
-    disturbances: list[DisturbanceSource] = []
+    disturbances: list[DisturbanceSource] = Field([], max_length=MOST_PIECES)
     """Torques added to the motors'; D = -B d in (17)."""
-    actuation: list[ActuationSource] = []
+    actuation: list[ActuationSource] = Field([], max_length=MOST_PIECES)
     """From the commanded torque to the one that acts, in the order of the signal."""
-    sensors: list[SensorSource] = []
+    sensors: list[SensorSource] = Field([], max_length=MOST_PIECES)
     """Errors of q, z and z', in the order in which they happen."""
     acceleration: Annotated[str | AccelerationSource, BeforeValidator(_acceleration)] = "exact"
     """Estimator of z': ``"exact"``, ``"backward-difference"``, or a table with a type."""
-    slip: list[SlipSource] = []
+    slip: list[SlipSource] = Field([], max_length=MOST_PIECES)
     """Velocities of the platform's pose in addition to that of rolling; they add up."""
 
     def __init__(self, **fields: Any) -> None:

@@ -169,6 +169,16 @@ def test_numbers_of_a_file_elsewhere_are_not_read(trap, uri):
         read_triangles(path)
 
 
+def test_key_that_is_there_twice(trap):
+    """Readers take the first or the last."""
+    (trap.folder.parent / "secret.bin").write_bytes(bytes(36))
+    path = _gltf(trap.folder / "twice.gltf", "own.bin")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('"uri"', '"uri": "../secret.bin", "uri"'), encoding="utf-8")
+    with pytest.raises(MeshError, match="a key of its JSON is there twice"):
+        read_triangles(path)
+
+
 def test_picture_elsewhere_is_not_drawn(trap):
     for folder in (trap.folder, trap.folder.parent):
         Image.new("RGB", (8, 8), (200, 30, 30)).save(folder / "picture.png")

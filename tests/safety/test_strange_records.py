@@ -63,6 +63,9 @@ REFUSED = {
     "schema_version_of_a_list": r"has schema version",
     "urdf_called_as_the_folder_above": r"urdf/1/\.\. is no place of a URDF",
     "text_that_is_not_utf_8": r"'robot' is not valid UTF-8",
+    "metric_with_the_name_of_a_folder": r"its metric 'a/b' has a name that no dataset can have",
+    "settings_of_many_levels": r"'settings_json' is nested too deeply",
+    "versions_that_are_lists": r"'versions_json' has entries that are not text",
     "settings_of_a_list": r"'settings_json' is no dictionary",
 }
 
@@ -87,6 +90,10 @@ SAMPLE = (
     "urdf_beside_it_with_a_mesh_elsewhere",
     "duration_beyond_all_bounds",
     "torques_that_are_no_numbers",
+    "scenario_that_extends_another_file",
+    "plant_that_extends_another_file",
+    "end_that_never_comes",
+    "urdf_with_thousands_of_links",
     "texts_that_are_scripts",
     "texts_that_steer_the_terminal",
 )
@@ -133,6 +140,22 @@ def test_platform_that_is_code_is_not_drawn_and_not_repeated(craft, looked_at):
     assert f"'youbot' is not drawn, only the paths: {reason}" in shown.err
     assert again.status == 1
     assert reason in again.err
+
+
+def test_run_that_is_said_to_be_longer_than_its_record(craft, mobman):
+    for name, reason in {
+        "duration_of_an_hour": "are not those of a run of 3600 s",
+        "end_that_never_comes": "goes on beyond t = 0.02 s, where the run of the record ended",
+        "end_that_comes_after_days": "are not those of a run of 9000 s",
+        "samples_far_apart": "are not those of a run of 3600 s",
+        "scenario_that_extends_another_file": "its scenario names others that it extends",
+        "plant_that_extends_another_file": "its scenario names others that it extends",
+        "disturbances_without_number": "disturbances",
+        "urdf_with_thousands_of_links": "it has 20000 links; allowed: 500",
+    }.items():
+        done = mobman("rerun", craft(CRAFTED[name]))
+        assert done.status == 1
+        assert reason in done.err, name
 
 
 def test_mesh_outside_the_folder_of_the_run_is_left_out(craft, looked_at):

@@ -690,6 +690,71 @@ def settings_of_a_list(file, trap):
     file.attrs["settings_json"] = "[1, 2]"
 
 
+@crafted
+def scenario_that_extends_another_file(file, trap):
+    spec = spec_of(file)
+    spec["scenario"]["extends"] = [str(trap.secret)]
+    put(file, spec)
+
+
+@crafted
+def plant_that_extends_another_file(file, trap):
+    spec = spec_of(file)
+    scenario = {**spec["scenario"], "extends": [str(trap.secret)]}
+    put(file, {**spec, "plant_scenario": scenario})
+
+
+@crafted
+def end_that_never_comes(file, trap):
+    file.attrs["status"] = "diverged"
+    put(file, {**spec_of(file), "duration": 900.0})
+
+
+@crafted
+def end_that_comes_after_days(file, trap):
+    file.attrs["status"] = "diverged"
+    put(file, {**spec_of(file), "duration": 9000.0})
+
+
+@crafted
+def samples_far_apart(file, trap):
+    file.attrs["decimation"] = 10**7
+    put(file, {**spec_of(file), "duration": 3600.0})
+
+
+@crafted
+def disturbances_without_number(file, trap):
+    spec = spec_of(file)
+    spec["scenario"]["disturbances"] *= 20_000
+    put(file, spec)
+
+
+@crafted
+def metric_with_the_name_of_a_folder(file, trap):
+    file["metrics"].attrs["a/b"] = 1.0
+
+
+@crafted
+def settings_of_many_levels(file, trap):
+    file.attrs["settings_json"] = '{"a":' * 400 + "1" + "}" * 400
+
+
+@crafted
+def versions_that_are_lists(file, trap):
+    file.attrs["versions_json"] = '{"mobman": ["0.1.0"]}'
+
+
+@crafted
+def urdf_with_thousands_of_links(file, trap):
+    links = "".join(f'<link name="l{i}"/>' for i in range(20_000))
+    joints = "".join(
+        f'<joint name="j{i}" type="fixed"><parent link="l{i}"/><child link="l{i + 1}"/></joint>'
+        for i in range(19_999)
+    )
+    text = f'<robot name="r">{links}{joints}</robot>'.encode()
+    _replaced(file, "urdf/0/youbot.urdf", data=np.frombuffer(text, dtype="u1"))
+
+
 # Text that goes elsewhere
 
 

@@ -16,6 +16,7 @@ from mobman.benchmark.report.content import (
 )
 from mobman.errors import MobmanError
 from mobman.files import temporary_beside
+from mobman.input_file import check_within
 
 _FIGURES = "figures"
 
@@ -71,6 +72,7 @@ def write_report(
     }
     result = ReportFiles(folder / "report.html", folder / "report.md", folder / "report.csv")
     texts = {result.csv: content["csv"], result.markdown: markdown, result.html: html}
+    check_within(figures, folder)
     _write_all({**files, **texts})
     return result
 

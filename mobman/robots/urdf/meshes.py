@@ -299,6 +299,14 @@ def load(path: str) -> tuple[Array, Index]:
     return np.array(model.vertices(), dtype=float).reshape(-1, 3), faces
 
 
+def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object whose keys all differ: of equal ones, readers take the first or the last."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key of its JSON is there twice")
+    return found
+
+
 def _check_references(path: Path) -> None:
     """
     Raises:
@@ -309,7 +317,7 @@ def _check_references(path: Path) -> None:
     content = path.read_bytes()
     if content[:4] == b"glTF":  # its first chunk is the JSON
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
-    described = json.loads(content)
+    described = json.loads(content, object_pairs_hook=_without_doubles)
     for part in (*described.get("buffers", []), *described.get("images", [])):
         uri = unquote(str(part.get("uri", "data:")))
         place = (path.parent / uri).resolve()

@@ -29,6 +29,7 @@ _LIMITED = ("revolute", "prismatic")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+")
 _ROUNDING = 1e-12  # moments (kg m^2) below zero by no more than this come from a program's rounding
+MOST_LINKS, MOST_JOINTS = 500, 150
 _TOLD = 5  # problems, and names in a list
 _LOOKED_THROUGH = 5000
 
@@ -131,6 +132,21 @@ def listed(names: Iterable[str], most: int = _TOLD) -> str:
     return ", ".join(given[:most]) + more
 
 
+def too_large(robot: ET.Element) -> str:
+    """A description of what makes a robot too large for Pinocchio; empty if nothing does.
+
+    Its parser recurses from link to link until the stack is full, and its data grow with the cube of the
+    number of movable joints.
+    """
+    counts = {"links": len(robot.findall("link"))}
+    kinds = [joint.get("type") for joint in robot.findall("joint")]
+    counts["movable joints"] = sum(kind != "fixed" for kind in kinds)
+    for what, most in (("links", MOST_LINKS), ("movable joints", MOST_JOINTS)):
+        if counts[what] > most:
+            return f"it has {counts[what]} {what}; allowed: {most}"
+    return ""
+
+
 class Validation:
     """Validation of a URDF that gathers all faults, so that they are reported at once.
 
@@ -167,6 +183,9 @@ class Validation:
         if version is not None and not 1.0 <= (number(version) or 0.0) < 2.0:
             self._add(robot, f"<robot> version is {_shown(version)}; allowed: 1.x, or none")
         links, joints = robot.findall("link"), robot.findall("joint")
+        if fault := too_large(robot):
+            self._add(robot, fault)
+            return
         link_names, joint_names = self._names("link", links), self._names("joint", joints)
         for link in links:
             self._check_link(link)
