@@ -66,16 +66,11 @@ def test_pipe_for_the_manifest(folder, mobman):
 
 
 def test_pipe_for_a_failure(folder, mobman):
-    (missing,) = {run.stem for run in (folder / "runs").glob("*.h5")} ^ {
-        run_id for run_id in _run_ids(folder)
-    }
+    done = {run.stem for run in (folder / "runs").glob("*.h5")}
+    (missing,) = {run.run_id for run in Store(folder).runs} - done
     os.mkfifo(folder / "failures" / f"{missing}.json")
     assert mobman("bench", "report", folder).status == 0
     assert "it is a pipe" in (folder / "report.md").read_text(encoding="utf-8")
-
-
-def _run_ids(folder):
-    return [run.run_id for run in Store(folder).runs]
 
 
 @pytest.mark.parametrize("name", ["figures", "replays"])
