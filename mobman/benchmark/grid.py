@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from itertools import product
 from typing import Any
 
 from mobman.errors import UnknownNameError, UsageError
+
+MOST_ENTRIES = 10_000
 
 
 def expand(name: str, fields: Mapping[str, Any], grid: Mapping[str, list[Any]]) -> dict[str, Any]:
@@ -24,8 +27,11 @@ def expand(name: str, fields: Mapping[str, Any], grid: Mapping[str, list[Any]]) 
 
     Raises:
         UsageError: If a field of the grid is within something that has no fields, or two
-            combinations have one name.
+            combinations have one name, or there are more than :data:`MOST_ENTRIES`.
     """
+    count = math.prod(len(values) for values in grid.values())
+    if count > MOST_ENTRIES:
+        raise UsageError(f"grid: it has {count} combinations; allowed: {MOST_ENTRIES}")
     entries = {}
     for values in product(*grid.values()):
         content = copy.deepcopy(dict(fields))

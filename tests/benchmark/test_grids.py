@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from support.suites import suite_of as suite_of_laws
 
 from mobman.benchmark.grid import chosen, expand
 from mobman.benchmark.suite import load_suite
@@ -66,6 +67,19 @@ def test_entries_of_a_grid_share_nothing():
 def test_a_grid_within_what_has_no_such_part_is_refused(path):
     with pytest.raises(UsageError, match="grid field"):
         expand("x", {"list": [{"a": 1}], "number": 3}, {path: [1]})
+
+
+def test_a_grid_of_more_than_can_be_listed_is_refused():
+    grid = {f"field_{i}": list(range(10)) for i in range(9)}
+    with pytest.raises(UsageError, match=r"it has 1000000000 combinations; allowed: 10000"):
+        expand("law", {}, grid)
+
+
+def test_more_runs_than_can_be_listed_are_refused():
+    periods = [1e-3 + 1e-9 * i for i in range(20)]
+    suite = suite_of_laws(["tsm"], seeds=20_000, dt=periods)
+    with pytest.raises(SpecError, match=r"groups\.0 asks for 400000 runs; allowed: 100000"):
+        suite.runs()
 
 
 def test_values_that_read_alike_are_refused():

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from mobman.benchmark.suite import Changes, Group, Suite
 
 
+MOST_RUNS = 100_000
+"""Of a group: what is held in memory of a suite, and listed, grows with them."""
+
+
 @dataclass(frozen=True)
 class Place:
     """A run by its names."""
@@ -61,6 +65,12 @@ def places_of(suite: Suite, entries: Entries, problems: Problems) -> list[Place]
         tasks = selection.tasks(group.tasks)
         scenarios = selection.scenarios(group.scenarios)
         gains = _gains_by_name(group, where, labels, entries, problems)
+        cells = len(robots) * len(tasks) * len(scenarios) * len(labels)
+        seeds, periods = group.seeds or suite.seeds, group.dt or suite.dt
+        count = cells * len(seeds) * (len(periods) if isinstance(periods, list) else 1)
+        if count > MOST_RUNS:
+            problems.note(f"{where} asks for {count} runs; allowed: {MOST_RUNS}")
+            continue
         for robot, task, scenario, label in product(robots, tasks, scenarios, labels):
             names = {"robots": robot, "tasks": task, "scenarios": scenario, "controllers": label}
             found += _of_cell(where, suite, group, names, gains.get(label, {}), overrides)
