@@ -5,13 +5,29 @@ A change of mobman's modules or of names that are not in the public contract cha
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import gc
 from collections.abc import Mapping, Sequence
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 import mobman as mm
+from mobman.registry import Registry
+from mobman.robots import catalogue
+
+
+@contextlib.contextmanager
+def only_mobmans_own():
+    """Nothing is registered but what mobman brings: other tests of this process may have added to it."""
+    with contextlib.ExitStack() as stack:
+        for thing in gc.get_objects():
+            if isinstance(thing, Registry):
+                stack.enter_context(patch.object(thing, "_items", {}))
+        stack.enter_context(patch.object(catalogue, "_registered", {}))
+        yield
 
 
 def model_terms(robot, q, z, q_dot, multiplier) -> dict[str, Any]:

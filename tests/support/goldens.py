@@ -23,6 +23,7 @@ import numpy as np
 
 import mobman as mm
 from mobman.cli.main import mobman as group
+from support.golden_access import only_mobmans_own
 
 FOLDER = Path(__file__).parents[1] / "goldens"
 ROUNDING = 1e-15
@@ -243,6 +244,7 @@ def mobman(*arguments: str) -> tuple[int, str, str]:
     _forget_help(group)
     try:
         with (
+            only_mobmans_own(),
             patch.object(sys, "argv", ["mobman", *arguments]),
             warnings.catch_warnings(),
             redirect_stdout(out),
