@@ -77,7 +77,13 @@ class Helper:
         if "error" not in answer:
             return answer["result"]
         module, name = answer["error"]
-        raise getattr(importlib.import_module(module), name)(answer["message"])
+        # the helper reads hostile files: what it answers is not taken for the name of just anything
+        if not module.startswith("mobman."):
+            raise Crash(f"its reader answers with {module}.{name}")
+        kind = getattr(importlib.import_module(module), name)
+        if not (isinstance(kind, type) and issubclass(kind, MobmanError)):
+            raise Crash(f"its reader answers with {module}.{name}")
+        raise kind(answer["message"])
 
     def close(self) -> None:
         """End the process, if there is one."""

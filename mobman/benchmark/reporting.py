@@ -22,7 +22,7 @@ from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.store import Store
 from mobman.errors import MobmanError, RecordError
 from mobman.input_file import check_within
-from mobman.simulation.record import RecordSummary, load_record, read_summary
+from mobman.simulation.record import RecordSummary, load_record
 
 WriteReplay = Callable[[Path, Path, float | None], None]
 """Writes a page: given a record's file, the page's, and the instant that it opens at (s), if any."""
@@ -173,7 +173,7 @@ def _others(store: Store, asked: set[str]) -> list[UnusedFile]:
             reason = "not a record: these end in .h5"
         else:
             try:
-                read_summary(path)
+                store.read(path)
             except RecordError as error:
                 reason = str(error)
         found.append(UnusedFile(_relative(path, store.folder), reason))

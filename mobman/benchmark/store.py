@@ -179,7 +179,7 @@ class Store:
             RecordError: If it is not there, cannot be read, or is another run's.
         """
         path = self.path(run)
-        summary = self._read(path)
+        summary = self.read(path)
         asked = (run.scenario["name"], run.seed)
         found = (summary.scenario, summary.seed)
         if found != asked:
@@ -189,8 +189,12 @@ class Store:
             )
         return summary
 
-    def _read(self, path: Path) -> RecordSummary:
-        """The summary of a file, read again where it changed: reports and indices ask for the same."""
+    def read(self, path: Path) -> RecordSummary:
+        """The summary of a file of the folder, whichever run it is of; read again where it changed.
+
+        Raises:
+            RecordError: If it is not there, cannot be read, or is a link to elsewhere.
+        """
         try:
             check_within(path, path.parent)
             status = path.stat()

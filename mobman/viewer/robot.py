@@ -99,8 +99,10 @@ def robot_scene(
     """
     parts, warnings = robot_parts(robot)
     model = robot.model
+    places = {shape: i for i, shape in enumerate(shapes)}
     for part in parts:
-        if part.shape not in shapes:
+        if part.shape not in places:
+            places[part.shape] = len(shapes)
             shapes.append(part.shape)
     content = {
         "name": robot.name,
@@ -111,7 +113,7 @@ def robot_scene(
                 "joint": int(part.joint),
                 "role": part.role,
                 "placement": rows(part.placement.homogeneous),
-                "shape": shapes.index(part.shape),
+                "shape": places[part.shape],
                 "colour": list(part.colour),
             }
             for part in parts

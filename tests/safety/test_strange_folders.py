@@ -49,6 +49,16 @@ def test_record_that_is_a_link_to_another_file(folder, trap, mobman, harmless):
     assert not any("CANARY-5" in text for text in texts)
 
 
+def test_other_file_that_is_a_link_to_another(folder, trap, mobman, harmless):
+    (folder / "runs" / "other.h5").symlink_to(trap.secret)
+    assert mobman("bench", "report", folder).status == 0
+    (folder / "runs" / "other.h5").unlink()
+    texts = _texts(folder)
+    harmless(*texts)
+    assert any("is a link out of" in text for text in texts)
+    assert not any("CANARY-5" in text for text in texts)
+
+
 def test_runs_on_another_disk(folder, tmp_path, mobman):
     """The folder of the records may be a link, as on clusters."""
     (folder / "runs").rename(tmp_path / "scratch")

@@ -12,7 +12,7 @@ from PIL import Image
 from support.variants import toml, youbot_urdf, youbot_with_urdf
 
 import mobman as mm
-from mobman.isolation import Crash, helper
+from mobman.isolation import Crash, Helper, helper
 from mobman.robots.urdf.meshes import MeshError, read_triangles
 from mobman.viewer import meshes
 from mobman.viewer.meshes import Surface
@@ -206,6 +206,19 @@ def test_reader_is_stopped_in_time_and_memory():
     value = {"a": [1, None, "x", b"bytes"], "b": np.arange(6.0).reshape(2, 3), "c": float("inf")}
     back = helper.call("support.strange_readers:same", 3, seconds=5.0, megabytes=100.0)
     assert repr(back) == repr(value)
+
+
+@pytest.mark.parametrize("error", [["os", "system"], ["mobman.isolation", "serve"]])
+def test_answer_of_a_reader_that_was_taken_over(trap, monkeypatch, harmless, error):
+    answer = {"error": error, "message": trap.command}
+    monkeypatch.setattr("mobman.isolation._receive", lambda stream: answer)
+    reader = Helper()
+    try:
+        with pytest.raises(Crash, match="its reader answers with"):
+            reader.call("support.strange_readers:same", 3, seconds=5.0, megabytes=100.0)
+    finally:
+        reader.close()
+    harmless()
 
 
 def test_body_is_drawn_without_the_mesh(trap, deadly):
