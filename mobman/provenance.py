@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -17,7 +18,8 @@ COMPUTING = ("mobman", "python", "pin", "numpy", "scipy", "numba")
 
 
 def versions() -> dict[str, str]:
-    """Versions of mobman, Python and the libraries that compute."""
+    """Versions of mobman, Python and the libraries that compute; ``"source"`` is a hash of mobman's own
+    Python files, which tells two states of one version from each other."""
     return dict(_versions())
 
 
@@ -29,7 +31,10 @@ def _versions() -> dict[str, str]:
             found[library] = version(library)
         except PackageNotFoundError:  # Pinocchio from conda or ROS has another name there
             found[library] = "unknown"
-    return found
+    own, digest = Path(__file__).parent, hashlib.sha256()
+    for path in sorted(own.rglob("*.py")):
+        digest.update(f"{path.relative_to(own).as_posix()}\0".encode() + path.read_bytes())
+    return {**found, "source": digest.hexdigest()[:16]}
 
 
 def machine() -> dict[str, str]:

@@ -23,13 +23,13 @@ from pathlib import Path
 import psutil
 from threadpoolctl import threadpool_limits
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.runner import Ended, run_suite
 from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.suite import Suite, load_suite
 from mobman.controllers.protocol import make_controller
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.simulation.run_spec import RunSpec
 
 
 def short_suite(runs: int) -> Suite:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.errors import MobmanError
 from mobman.files import temporary_beside
 from mobman.simulation.record import RecordSummary
+from mobman.simulation.run_spec import RunSpec
 
 _SCHEMA_VERSION = 2
 
@@ -60,7 +59,7 @@ def _fill(file: h5py.File, rows: Sequence[tuple[RunSpec, RecordSummary]]) -> Non
         "status": [record.status for _, record in rows],
         "message": [record.message for _, record in rows],
         "state_sha256": [record.state_sha256 for _, record in rows],
-        "spec_json": [json.dumps(asdict(run), sort_keys=True, default=str) for run, _ in rows],
+        "spec_json": [json.dumps(run.as_dict(), sort_keys=True, default=str) for run, _ in rows],
     }
     for name, values in columns.items():
         table.create_dataset(name, data=values, dtype=text)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from mobman.benchmark.manifest import NAME
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.store import Store
 from mobman.errors import MobmanError, RecordError, UsageError
+from mobman.simulation.run_spec import RunSpec
 
 
 @dataclass(frozen=True)

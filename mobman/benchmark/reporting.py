@@ -18,11 +18,11 @@ from mobman.benchmark.report.content import (
     UnusedFile,
 )
 from mobman.benchmark.report.report import Request, write_report
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.store import Store
 from mobman.errors import MobmanError, RecordError
 from mobman.input_file import check_within
 from mobman.simulation.record import RecordSummary, load_record
+from mobman.simulation.run_spec import RunSpec
 
 WriteReplay = Callable[[Path, Path, float | None], None]
 """Writes a page: given a record's file, the page's, and the instant that it opens at (s), if any."""

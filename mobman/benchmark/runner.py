@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from typing import Any
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.running.given import Given
 from mobman.benchmark.running.job import Job, Result, this_process
 from mobman.benchmark.running.local import Local, default_workers
@@ -31,6 +30,7 @@ from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError, UsageError
 from mobman.kernels.ahead import compile_ahead, compiled_ahead
 from mobman.robots.catalogue import find_spec
+from mobman.simulation.run_spec import RunSpec
 from mobman.tasks.task import tasks
 from mobman.version import __version__
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from mobman.benchmark.index import write_index
 from mobman.benchmark.manifest import NAME, Manifest, read_manifest
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError, RecordError, SpecError
 from mobman.files import is_abandoned, temporary_beside
 from mobman.input_file import check_within, read_within
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
+from mobman.simulation.run_spec import RunSpec
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 
 from mobman.benchmark.expansion.expansion import number_of_runs, runs_of
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.tuning.declaration import Tuning
 from mobman.benchmark.tuning.tuned_from import TunedFrom
 from mobman.resources import resource_folder
+from mobman.simulation.run_spec import RunSpec
 from mobman.toml_model import Strict, named_file, read_toml, validate
 
 Label = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]

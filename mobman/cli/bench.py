@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,9 +27,9 @@ from mobman.cli.tune import tune
 from mobman.printable import printable
 
 if TYPE_CHECKING:
-    from mobman.benchmark.run_spec import RunSpec
     from mobman.benchmark.runner import Event, Summary
     from mobman.benchmark.suite import Suite
+    from mobman.simulation.run_spec import RunSpec
 
 _MOST_NAMED = 40
 
@@ -76,7 +75,7 @@ def show_command(suite: str, each: bool, as_json: bool) -> None:
     with without_code():
         runs = chosen.runs()
     if as_json:
-        listing = [{"run_id": run.run_id, **asdict(run)} for run in runs]
+        listing = [{"run_id": run.run_id, **run.as_dict()} for run in runs]
         print_json({"suite": chosen.model_dump(mode="json", by_alias=True), "runs": listing})
         return
     out = console()

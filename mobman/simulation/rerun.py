@@ -16,12 +16,14 @@ from mobman.controllers.protocol import Controller
 from mobman.errors import MobmanError, RecordError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.provenance import COMPUTING
+from mobman.robots.catalogue import find_spec, list_robots
+from mobman.robots.urdf.read import urdf_sources
 from mobman.simulation.metrics import list_metrics
 from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record, load_record
 from mobman.simulation.record_file import FIELDS, as_in_file
 from mobman.simulation.run_spec import (
-    changed_since,
+    RunSpec,
     controller_of,
     plant_of,
     recorded_scenario,
@@ -118,14 +120,15 @@ def verify(
         tolerance=tolerance,
         machine=machine,
         versions=versions,
-        note=changed_since(record.spec, record.urdf_sha256),
+        note=_changed_since(record),
     )
 
 
 def _repeated(record: Record, path: Path, own: Own, progress: Progress | None) -> Record:
     try:
-        _check_length(record)
-        again = _run(record.spec, record.urdf, own, _ending(record, progress))
+        run = RunSpec.of_record(record.spec)
+        _check_length(record, run)
+        again = _run(run, record.urdf, own, _ending(record, run, progress))
     except MobmanError as error:
         raise RecordError(f"{path} cannot be repeated: {error}") from error
     except Exception as error:  # what is in the file may be anything
@@ -137,26 +140,25 @@ def _repeated(record: Record, path: Path, own: Own, progress: Progress | None) -
     return again
 
 
-def _check_length(record: Record) -> None:
+def _check_length(record: Record, run: RunSpec) -> None:
     """
     Raises:
         RecordError: If the run would be much longer than the samples of the record, which went to its
             end: what is in the file must not decide how long this computes.
     """
-    dt, duration = float(record.spec["dt"]), float(record.spec["duration"])
-    ticks = whole_ticks(seconds("duration", duration), seconds("dt", dt))
+    ticks = whole_ticks(seconds("duration", run.duration), seconds("dt", run.dt))
     most = 2 * len(record.t) * min(record.decimation, _MOST_DECIMATION) + _FEW
     if ticks > (most if record.ok else most + _MOST_AFTER_THE_END):
         raise RecordError(
             f"its {len(record.t)} samples, every {record.decimation}th kept, are not those of a run of "
-            f"{duration:g} s at dt = {dt:g} s"
+            f"{run.duration:g} s at dt = {run.dt:g} s"
         )
 
 
-def _ending(record: Record, progress: Progress | None) -> Progress:
+def _ending(record: Record, run: RunSpec, progress: Progress | None) -> Progress:
     """Progress that ends a repetition which goes on far beyond the end of the record."""
     last = float(record.t[-1])
-    most = (2.0 * last + 1.0) / float(record.spec["duration"])
+    most = (2.0 * last + 1.0) / run.duration
 
     def go_on(fraction: float) -> None:
         if fraction > most and not record.ok:
@@ -169,9 +171,29 @@ def _ending(record: Record, progress: Progress | None) -> Progress:
     return go_on
 
 
-def _run(
-    spec: dict[str, Any], urdf: dict[str, bytes], own: Own, progress: Progress | None
-) -> Record:
+def _changed_since(record: Record) -> str:
+    """The difference of the robot that is registered now from the run's; empty if there is none, or if
+    no robot of the name is registered."""
+    described = record.spec["robot"]
+    name = described["name"]
+    try:
+        if name not in list_robots():  # the name is from a file: it is no path
+            return ""
+        now = find_spec(name)
+        sources = urdf_sources(now)
+        if sources.sha256() != record.urdf_sha256:
+            return f"the URDF {sources} is not the run's any more; the one in the record was used"
+        if now.model_dump(mode="json", by_alias=True) != described:
+            return (
+                f"the description of the robot {name!r} is not the run's any more; the one in the "
+                "record was used"
+            )
+    except MobmanError:
+        pass  # it is not there, and not needed
+    return ""
+
+
+def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | None) -> Record:
     given = {
         "its controller": own.controller is not None,
         "its task": own.make_task is not None,
@@ -179,29 +201,29 @@ def _run(
     }
     reasons = [
         reason
-        for reason in spec["not_repeatable"]
-        if not any(there and str(reason).startswith(part) for part, there in given.items())
+        for reason in run.not_repeatable
+        if not any(there and reason.startswith(part) for part, there in given.items())
     ]
     if reasons:
-        raise RecordError("; ".join(map(str, reasons)))
-    scenario = recorded_scenario(spec["scenario"])
-    controller = controller_of(spec) if own.controller is None else own.controller
-    robot = robot_of(spec, urdf, own.robot)
-    q0 = robot.checked_configuration(np.array(spec["q0"], dtype=float))
-    task = task_of(spec, robot, q0) if own.make_task is None else own.make_task(robot, q0)
-    plant = plant_of(spec, urdf, robot)
-    setting = Setting(robot, float(spec["dt"]), np.random.default_rng(spec["seed"]))
-    require_same(true_plant(setting, plant, scenario), spec, "plant")
+        raise RecordError("; ".join(reasons))
+    scenario = recorded_scenario(run.scenario)
+    controller = controller_of(run) if own.controller is None else own.controller
+    robot = robot_of(run, urdf, own.robot)
+    q0 = robot.checked_configuration(np.array(run.q0))
+    task = task_of(run, robot, q0) if own.make_task is None else own.make_task(robot, q0)
+    plant = plant_of(run, urdf, robot)
+    setting = Setting(robot, run.dt, np.random.default_rng(run.seed))
+    require_same(true_plant(setting, plant, scenario), run, "plant")
     return simulate(
         robot,
         controller,
         task,
-        duration=spec["duration"],
-        dt=spec["dt"],
+        duration=run.duration,
+        dt=run.dt,
         q0=q0,
         plant=plant,
         scenario=scenario,
-        seed=spec["seed"],
+        seed=run.seed,
         progress=progress,
     )
 

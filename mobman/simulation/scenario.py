@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextvars import ContextVar
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +19,7 @@ from mobman.simulation.disturbances import Torque, disturbances
 from mobman.simulation.estimators import estimators
 from mobman.simulation.friction import frictions
 from mobman.simulation.inertias import inertias, true_robot
-from mobman.simulation.pieces import Setting, Source, started
+from mobman.simulation.pieces import Piece, Setting, Source, started
 from mobman.simulation.plant import Plant
 from mobman.simulation.sensors import Measurement, sensors
 from mobman.simulation.slip import slips
@@ -148,6 +149,23 @@ class Scenario(Strict):
             load_scenario(name)
         return names
 
+    def types(self) -> list[type[Piece]]:
+        """The types of its pieces."""
+        lists = (
+            self.inertias,
+            self.friction,
+            self.disturbances,
+            self.actuation,
+            self.sensors,
+            self.slip,
+        )
+        return [piece.kinds.get(piece.type) for piece in (*chain(*lists), self._estimator)]
+
+    @property
+    def _estimator(self) -> AccelerationSource:
+        own = self.acceleration
+        return AccelerationSource(type=own) if isinstance(own, str) else own
+
     # Parts of a run. Each takes its setting, and raises SpecError if a piece does not fit the robot.
 
     def true_robot(self, setting: Setting) -> MobileManipulator:
@@ -195,10 +213,7 @@ class Scenario(Strict):
 
     def measurement(self, setting: Setting) -> Measurement:
         """The measurement that the controller is given."""
-        source = self.acceleration
-        if isinstance(source, str):
-            source = AccelerationSource(type=source)
-        (estimate,) = self._started([source], setting)
+        (estimate,) = self._started([self._estimator], setting)
         return Measurement(estimate, self._started(self.sensors, setting))
 
     def _started(self, sources: Sequence[Source], setting: Setting) -> list[Any]:

@@ -22,7 +22,7 @@ from mobman.simulation.metrics import Run, compute_metrics
 from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record
 from mobman.simulation.record_file import APPLIED
-from mobman.simulation.run_spec import GivenPlant, run_spec, urdfs_of_run
+from mobman.simulation.run_spec import GivenPlant, RunSpec, describe_run, urdfs_of_run
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.task import Task, make_task, task_map_of
 
@@ -100,7 +100,7 @@ def simulate(
         stride=stride,
     )
     loop.run()
-    spec = run_spec(
+    run = describe_run(
         robot=robot,
         controller=(controller, law),
         task=(task, aim),
@@ -111,7 +111,7 @@ def simulate(
         q0=start,
         seed=seed,
     )
-    return _record(loop, differences.name, spec, urdfs_of_run(robot, plant))
+    return _record(loop, run, urdfs_of_run(robot, plant))
 
 
 def seconds(name: str, value: float) -> float:
@@ -236,36 +236,35 @@ def _task_map(task: Task, robot: MobileManipulator) -> TaskMap:
     return task_map
 
 
-def _record(loop: Loop, scenario: str, spec: dict[str, Any], urdf: dict[str, bytes]) -> Record:
+def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
     """The record of a run that is over."""
     samples, controller, robot = loop.samples, loop.controller, loop.robot
-    run = _run_of(loop)
+    done = _run_of(loop)
     n = samples.count
     settings: dict[str, Any] = getattr(controller, "settings", dict)()
     signals = {name: values[:n] for name, values in samples.signals.items()}
     if samples.applied is not None:
-        signals[APPLIED] = run.torque
-    law, task = _name_of(controller), _name_of(loop.task)
+        signals[APPLIED] = done.torque
     return Record(
-        t=run.t,
-        q=run.q,
-        z=run.z,
+        t=done.t,
+        q=done.q,
+        z=done.z,
         torque=samples.torque[:n],
         tip_position=samples.tip[:n],
         tip_desired=samples.desired[:n],
-        task_error=run.task_error,
-        auxiliary_error=run.auxiliary_error,
-        compute_time=run.compute_time,
+        task_error=done.task_error,
+        auxiliary_error=done.auxiliary_error,
+        compute_time=done.compute_time,
         signals=signals,
-        metrics=compute_metrics(run),
+        metrics=compute_metrics(done),
         status=samples.status,
         message=samples.message,
-        robot=robot.name,
-        controller=law,
-        task=task,
-        scenario=scenario,
-        seed=spec["seed"],
-        spec={"controller": law, "task": task, **spec},
+        robot=run.robot,
+        controller=run.label,
+        task=run.task,
+        scenario=run.scenario["name"],
+        seed=run.seed,
+        spec=run.as_recorded(),
         settings=settings,
         versions=versions(),
         urdf_sha256=robot.urdf.sha256(),
@@ -300,7 +299,3 @@ def _run_of(loop: Loop) -> Run:
         criterion=loop.criterion,
         limited=None if samples.limited is None else samples.limited[:n],
     )
-
-
-def _name_of(thing: object) -> str:
-    return str(getattr(thing, "name", type(thing).__name__))

@@ -36,10 +36,10 @@ from mobman.benchmark.report.style import styles_of
 from mobman.benchmark.report.summary import summary_lines
 from mobman.benchmark.report.tables import metrics_table, summary_table
 from mobman.benchmark.report.thinning import thin
-from mobman.benchmark.run_spec import Cell
 from mobman.errors import MobmanError
 from mobman.simulation.metrics import list_metrics
 from mobman.simulation.record import Record
+from mobman.simulation.run_spec import Cell
 
 NASTY = "at t = 0.25 s: <script>alert('x')</script> & | worse"
 SUITE = ReportedSuite("small", "Two robots & <three> laws", 83.0, 2)

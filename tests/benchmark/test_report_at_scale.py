@@ -34,11 +34,11 @@ from mobman.benchmark.report.table import Entry, Row, Table, heading, text
 from mobman.benchmark.report.tables import endings_table, saturation_table, summary_table
 from mobman.benchmark.report.time_charts import compact_chart
 from mobman.benchmark.reporting import read_results, report_on
-from mobman.benchmark.run_spec import Cell
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.cli.bench import report_command
 from mobman.errors import MobmanError, RecordError, UsageError
+from mobman.simulation.run_spec import Cell
 
 SUITE = ReportedSuite("large", "Made up")
 THREE = {"good": 1e-8, "fair": 2e-8, "poor": 1e-2}

@@ -19,7 +19,7 @@ from mobman.benchmark.report.latex import escape, latex_table, write_latex
 from mobman.benchmark.report.report import write_report
 from mobman.benchmark.report.run_list import run_list
 from mobman.benchmark.report.table import Entry, Row, Table, text
-from mobman.benchmark.run_spec import Cell
+from mobman.simulation.run_spec import Cell
 from mobman.viewer.view import View, make_scene
 
 TEXTS = {

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from mobman.benchmark.report.content import ReportedRun
-from mobman.benchmark.run_spec import Cell
 from mobman.simulation.metrics import list_metrics
 from mobman.simulation.record import Record
+from mobman.simulation.run_spec import Cell
 
 
 def made_up_record(n: int = 50, **changes: object) -> Record:

@@ -8,7 +8,7 @@ from mobman.benchmark.expansion.entries import Entries
 from mobman.benchmark.expansion.places import places_of
 from mobman.benchmark.expansion.problems import Problems
 from mobman.benchmark.expansion.resolution import Resolution
-from mobman.benchmark.run_spec import RunSpec
+from mobman.simulation.run_spec import RunSpec
 
 if TYPE_CHECKING:
     from mobman.benchmark.suite import Suite
@@ -36,9 +36,10 @@ def runs_of(suite: Suite) -> list[RunSpec]:
         run = resolution.run(place)
         run_id = run.run_id
         other = runs.setdefault(run_id, run)
-        for name, first in ((run.label, other.label), (run.task, other.task)):
+        for field, names in (("label", "labels"), ("task", "labels"), ("robot", "robots")):
+            first, name = getattr(other, field), getattr(run, field)
             if first != name:
-                problems.note(f"{place.where}: labels {first!r} and {name!r} are the same run")
+                problems.note(f"{place.where}: {names} {first!r} and {name!r} are the same run")
         if by_name.setdefault((run.cell, run.label, run.seed), run_id) != run_id:
             problems.note(f"{place.where}: {run} is asked for twice, with other gains")
     problems.require_none(suite.name)

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 from mobman.benchmark.expansion.entries import Entries
 from mobman.benchmark.expansion.places import Place
 from mobman.benchmark.expansion.problems import Problems
-from mobman.benchmark.fingerprint import fingerprint
-from mobman.benchmark.foreign_code import foreign_code_sha256
-from mobman.benchmark.run_spec import RunSpec
 from mobman.controllers.protocol import controllers, make_controller
 from mobman.model.build import load_robot
+from mobman.model.platforms.platform import platforms
 from mobman.robots.catalogue import find_spec
+from mobman.simulation.run_spec import RunSpec, fingerprint, foreign_code_sha256
+from mobman.simulation.scenario import Scenario
 from mobman.tasks.task import make_task, task_parameters, tasks
-from mobman.version import __version__
 
 if TYPE_CHECKING:
     from mobman.benchmark.suite import Suite
@@ -53,7 +52,7 @@ class Resolution:
             for key in dict.fromkeys((place.robot, place.task) for place in places)
             if self._robots[key[0]] is not None
         }
-        self._codes: dict[tuple[str, str], str] = {}
+        self._codes: dict[tuple[str, str, str, str], str] = {}
 
     def run(self, place: Place) -> RunSpec:
         """The run at a place, if no problem was noted."""
@@ -78,8 +77,7 @@ class Resolution:
             dt=place.dt,
             record_period=self._suite.record_period,
             compression=self._suite.compression,
-            code_sha256=self._code(law, task),
-            version=__version__,
+            code_sha256=self._code(place, law, task),
         )
 
     def _gains_and_settings(self, place: Place) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -89,11 +87,15 @@ class Resolution:
         settings: dict[str, Any] = getattr(controller, "settings", dict)()
         return gains, settings
 
-    def _code(self, law: str, task: str) -> str:
-        if (law, task) not in self._codes:
-            found = foreign_code_sha256(controllers.get(law), tasks.get(task))
-            self._codes[law, task] = found
-        return self._codes[law, task]
+    def _code(self, place: Place, law: str, task: str) -> str:
+        key = (law, task, place.robot, place.scenario)
+        if key not in self._codes:
+            pieces = Scenario.model_validate(self._scenarios[place.scenario]).types()
+            platform = platforms.get(find_spec(place.robot).platform.type)
+            self._codes[key] = foreign_code_sha256(
+                [controllers.get(law), tasks.get(task), platform, *pieces]
+            )
+        return self._codes[key]
 
     def _parameters(self, robot: str, task: str) -> dict[str, Any]:
         name, given = self._entries.task_of(task)

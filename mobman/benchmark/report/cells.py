@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TypeVar
 
 from mobman.benchmark.report.content import FailedRun, ReportedRun
-from mobman.benchmark.run_spec import Cell
+from mobman.simulation.run_spec import Cell
 
 NOMINAL = "nominal"
 

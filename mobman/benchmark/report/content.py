@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mobman.benchmark.run_spec import Cell
 from mobman.simulation.record import Record
+from mobman.simulation.run_spec import Cell
 
 _INSTANT = re.compile(r"\bt = ([0-9][0-9.eE+-]*) s")
 

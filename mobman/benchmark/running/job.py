@@ -6,8 +6,8 @@ import os
 import uuid
 from dataclasses import dataclass
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.running.parcel import Parcel
+from mobman.simulation.run_spec import RunSpec
 
 _MARK = uuid.uuid4().hex
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections import OrderedDict
 
-from mobman.benchmark.fingerprint import fingerprint
 from mobman.benchmark.running.job import Job
 from mobman.errors import MobmanError, SpecError
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import find_spec
 from mobman.robots.spec import RobotSpec
+from mobman.simulation.run_spec import fingerprint
 
 _KEPT = 8
 _robots: OrderedDict[str, MobileManipulator] = OrderedDict()
@@ -63,6 +63,6 @@ def _spec(job: Job) -> RobotSpec:
             "the package that brings them"
         )
     raise MobmanError(
-        f"robot {job.run.robot!r}: its URDF is not what it was when the suite was started (edited "
-        "meanwhile, or another one on the worker)"
+        f"robot {job.run.robot!r}: its URDF is not what it was when the suite was started, or its "
+        "platform's code is not (edited meanwhile, or another one on the worker)"
     )

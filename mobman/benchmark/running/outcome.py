@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from mobman.benchmark.run_spec import RunSpec
+from mobman.simulation.run_spec import RunSpec
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.controllers.protocol import Controller
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.record import Record
+from mobman.simulation.run_spec import RunSpec
 from mobman.simulation.scenario import Scenario
 from mobman.simulation.simulate import simulate
 from mobman.tasks.task import make_task

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.tuning.evaluation import Evaluation, simulated
 from mobman.errors import SpecError
+from mobman.simulation.run_spec import RunSpec
 
 _NAMES = ("name", "description")
 

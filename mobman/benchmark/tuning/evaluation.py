@@ -10,7 +10,6 @@ from concurrent.futures import FIRST_COMPLETED, Executor, wait
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.running.preload import preload
 from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.running.time_limit import TimeLimitError, within
@@ -23,6 +22,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import find_spec
 from mobman.robots.spec import RobotSpec
 from mobman.simulation.record import Record
+from mobman.simulation.run_spec import RunSpec
 from mobman.tasks.task import TaskFactory, tasks
 
 _here = threading.local()  # robots, which a thread forgets without asking the others

@@ -5,16 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.tuning.evaluation import Evaluation
 from mobman.benchmark.tuning.objective import Objective
 from mobman.benchmark.tuning.proposals import BATCH, propose, sampler_settings
 from mobman.benchmark.tuning.search_range import Space
 from mobman.benchmark.tuning.trial import Trial
 from mobman.controllers.protocol import gains_by_field
+from mobman.simulation.run_spec import RunSpec
 
 
 @dataclass(frozen=True)
@@ -89,5 +89,5 @@ class Search:
             "space": {name: own.model_dump() for name, own in self.space.items()},
             "default": self.default,
             "problem": self.problem,
-            "runs": [asdict(replace(run, settings={})) for run in self.runs],
+            "runs": [replace(run, settings={}).as_dict() for run in self.runs],
         }

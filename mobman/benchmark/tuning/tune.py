@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.tuning.batches import Batches, Step
 from mobman.benchmark.tuning.candidates import candidates
 from mobman.benchmark.tuning.declaration import Tuning
@@ -24,6 +23,7 @@ from mobman.benchmark.tuning.result import TuningResult, write_result
 from mobman.benchmark.tuning.search import Search
 from mobman.benchmark.tuning.search_range import Space
 from mobman.benchmark.tuning.tuning_set import tuning_runs
+from mobman.simulation.run_spec import RunSpec
 
 if TYPE_CHECKING:
     from mobman.benchmark.suite import Suite

@@ -7,9 +7,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mobman.benchmark.run_spec import RunSpec
 from mobman.benchmark.tuning.declaration import Tuning
 from mobman.errors import SpecError
+from mobman.simulation.run_spec import RunSpec
 from mobman.toml_model import read_toml, validate
 
 if TYPE_CHECKING:

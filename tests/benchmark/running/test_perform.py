@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from support.suites import suite_of
 
-from mobman.benchmark.fingerprint import fingerprint
 from mobman.benchmark.runner import _jobs
 from mobman.benchmark.running.loaded_robots import _KEPT, _robots, forget_robots, robot_of
 from mobman.benchmark.running.perform import perform
@@ -24,6 +23,7 @@ from mobman.benchmark.running.time_limit import TimeLimitError, within
 from mobman.benchmark.running.worker_processes import WorkerProcesses
 from mobman.robots.catalogue import find_spec
 from mobman.simulation.record import load_record
+from mobman.simulation.run_spec import fingerprint
 
 
 @pytest.fixture
