@@ -1,31 +1,32 @@
-"""The kinematic tree of a URDF: where joints, links and shapes are, and postures of its chains."""
+"""The kinematic tree of a URDF, as Pinocchio has it: joints, links, shapes, and postures of chains."""
 
 from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.robots.infer.findings import Inferred
-from mobman.robots.urdf.compose import root_link
+from mobman.robots.urdf.compose import flat_model, frame_of, root_link
 from mobman.robots.urdf.meshes import MeshReader, mesh_paths
 from mobman.robots.urdf.read import UrdfFile
-from mobman.robots.urdf.shapes import Shape, Use, placement, read_shapes, scalar, vector
+from mobman.robots.urdf.shapes import USES, Shape, Use, read_shapes, scalar
 
 _WIDE = 30.0  # rad; limits so far apart are a way to write "none"
 _FULL_TURN = 4.0  # rad; a vertical joint that turns further is a swivel, one that does not steers
 _VERTICAL = _HORIZONTAL = 0.02  # rad
 
 
-@dataclass(frozen=True)
-class Follows:
+class Follows(NamedTuple):
     """The law of a mimic joint: multiplier * position of another joint + offset (m, rad)."""
 
     joint: str
@@ -42,7 +43,7 @@ class Joint:
         lower, upper: Limits (m, rad), infinite where there are none.
         follows: Which other joint it follows, and how (mimic).
         centre: Its origin (m), shape (3,).
-        axis: Unit vector, shape (3,).
+        axis: Unit vector, shape (3,); zero if it is fixed.
     """
 
     name: str
@@ -57,12 +58,10 @@ class Joint:
 
     @property
     def movable(self) -> bool:
-        """True if it has a degree of freedom."""
         return self.kind != "fixed"
 
     @property
     def prismatic(self) -> bool:
-        """True if it slides."""
         return self.kind == "prismatic"
 
     @property
@@ -77,12 +76,10 @@ class Joint:
 
     @property
     def vertical(self) -> bool:
-        """True if its axis is along the root link's z."""
         return abs(float(self.axis[2])) > math.cos(_VERTICAL)
 
     @property
     def horizontal(self) -> bool:
-        """True if its axis is across the root link's z."""
         return abs(float(self.axis[2])) < math.sin(_HORIZONTAL)
 
     @property
@@ -104,6 +101,7 @@ class Tree:
         urdf: Its file.
 
     Attributes:
+        model: Pinocchio's model, root link at the world's origin, one coordinate a joint.
         root: Name of the root link.
         links: ``<link>`` elements by name.
         joints: In the file's order.
@@ -112,41 +110,31 @@ class Tree:
     """
 
     def __init__(self, robot: ET.Element, urdf: UrdfFile) -> None:
-        self.root = root_link(robot, str(urdf.path))
+        where = f"the URDF {urdf.path}"
+        self.root = root_link(robot, where)
         self.links = {link.get("name", ""): link for link in robot.findall("link")}
-        self.position = {self.root: np.zeros(3)}
-        self._rotation = {self.root: np.eye(3)}
-        self._robot, self._urdf = robot, urdf
-        self._meshes = MeshReader()
-        self._shapes: dict[tuple[str, Use], list[Shape]] = {}
-        self._children: dict[str, list[Joint]] = {name: [] for name in self.links}
-        self._above: dict[str, Joint] = {}
-        elements = robot.findall("joint")
-        behind: dict[str, list[ET.Element]] = {}
-        for element in elements:
-            behind.setdefault(_end(element, "parent"), []).append(element)
-        found: dict[ET.Element, Joint] = {}
-        open_links = [self.root]
-        for parent in open_links:
-            for element in behind.get(parent, []):
-                joint = found[element] = self._joint(element, parent)
-                self._children[parent].append(joint)
-                self._above[joint.child] = joint
-                open_links.append(joint.child)
-        self.joints = [found[element] for element in elements]
+        self.model = flat_model(deepcopy(robot), where)
+        self._robot, self._urdf, self._meshes = robot, urdf, MeshReader()
+        data, rest = self.model.createData(), np.zeros(self.model.nq)
+        pin.computeJointJacobians(self.model, data, rest)
+        pin.updateFramePlacements(self.model, data)
+        self._places = {name: data.oMf[frame_of(self.model, name)].copy() for name in self.links}
+        self.position = {name: place.translation for name, place in self._places.items()}
+        self.joints = [self._joint(joint, data) for joint in robot.findall("joint")]
         self.movable = [joint for joint in self.joints if joint.movable]
+        self._above = {joint.child: joint for joint in self.joints}
+        self._shapes: dict[tuple[str, Use], list[Shape]] = {}
 
-    def _joint(self, element: ET.Element, parent: str) -> Joint:
-        """The joint of an element; its child link is placed."""
-        child, kind = _end(element, "child"), element.get("type", "")
-        axis = vector(element.find("axis"), "xyz", (1.0, 0.0, 0.0))
+    def _joint(self, element: ET.Element, data: pin.Data) -> Joint:
+        name, kind = element.get("name", ""), element.get("type", "")
+        parent, child = (next(element.iter(end)).get("link", "") for end in ("parent", "child"))
         limit, mimic = element.find("limit"), element.find("mimic")
-        endless = kind == "continuous"
-        turn, xyz = placement(element)
-        self._rotation[child] = self._rotation[parent] @ turn
-        self.position[child] = self.position[parent] + self._rotation[parent] @ xyz
+        endless, axis = kind == "continuous", np.zeros(3)
+        if kind != "fixed":
+            column = data.J[:, self.model.joints[self.model.getJointId(name)].idx_v]
+            axis = column[:3] if kind == "prismatic" else column[3:]
         return Joint(
-            name=element.get("name", ""),
+            name=name,
             kind=kind,
             parent=parent,
             child=child,
@@ -158,7 +146,7 @@ class Tree:
                 mimic.get("joint", ""), scalar(mimic, "multiplier", 1.0), scalar(mimic, "offset")
             ),
             centre=self.position[child],
-            axis=self._rotation[child] @ (axis / np.linalg.norm(axis)),
+            axis=np.array(axis),
         )
 
     def joint(self, name: str) -> Joint | None:
@@ -180,6 +168,10 @@ class Tree:
             link = way[0].parent
         return way
 
+    @cached_property
+    def _children(self) -> dict[str, list[Joint]]:
+        return {name: [j for j in self.joints if j.parent == name] for name in self.links}
+
     def rigid(self, link: str) -> list[str]:
         """A link and what is fixed to it further out, from the inside outwards."""
         body = [link]
@@ -200,8 +192,9 @@ class Tree:
     def shapes(self, link: str, use: Use) -> list[Shape]:
         """The shapes of a link in the root's frame; those of missing or unreadable meshes as well."""
         if (link, use) not in self._shapes:
+            place = self._places[link]
             self._shapes[link, use] = [
-                shape.placed(self._rotation[link], self.position[link])
+                shape.placed(place.rotation, place.translation)
                 for shape in read_shapes(self.links[link], use, self._vertices)
             ]
         return self._shapes[link, use]
@@ -219,11 +212,6 @@ class Tree:
         return None if path is None else self._meshes.vertices(path)
 
 
-def _end(joint: ET.Element, tag: str) -> str:
-    found = joint.find(tag)
-    return "" if found is None else found.get("link", "")
-
-
 def names_of(joints: Iterable[Joint]) -> str:
     """The names of joints, for messages."""
     return ", ".join(joint.name for joint in joints) or "none"
@@ -237,22 +225,15 @@ def virtual_joints(tree: Tree) -> list[Joint]:
     """
     found: list[Joint] = []
     link = tree.root
-    while True:
-        following = tree.next_joints(link)
-        bodies = [tree.links[name].find(use) for name in tree.rigid(link) for use in _BODIES]
-        if len(following) != 1 or any(body is not None for body in bodies):
-            break
-        joint = following[0]
-        if not (joint.horizontal if joint.prismatic else joint.vertical):
-            break
-        if not joint.prismatic and not (joint.endless or joint.swivels):
+    while len(following := tree.next_joints(link)) == 1:
+        (joint,) = following
+        bodies = (tree.links[name].find(use) for name in tree.rigid(link) for use in USES)
+        planar = joint.horizontal if joint.prismatic else joint.swivels
+        if not planar or any(body is not None for body in bodies):
             break
         found.append(joint)
         link = joint.child
     return found if len({joint.prismatic for joint in found}) == 2 else []
-
-
-_BODIES = ("visual", "collision")
 
 
 class Chain:
@@ -269,16 +250,14 @@ class Chain:
         self, tree: Tree, joints: Sequence[Joint], tip: str, held: Mapping[str, Inferred]
     ) -> None:
         self.joints = tuple(joints)
-        own = {joint.name: i for i, joint in enumerate(joints)}
-        self._way = [
-            (
-                joint,
-                own.get(joint.name),
-                float(held[joint.name].value) if joint.name in held else 0.0,
-            )
-            for joint in tree.chain(tip)
-        ]
-        self._tip = tree.position[tip]
+        q, own = np.zeros(tree.model.nq), {joint.name for joint in joints}
+        for name, at in held.items():
+            q[tree.model.joints[tree.model.getJointId(name)].idx_q] = float(at.value)
+        others = [i for i, name in enumerate(tree.model.names) if i and name not in own]
+        self._model = pin.buildReducedModel(tree.model, others, q)
+        self._data = self._model.createData()
+        self._tip = frame_of(self._model, tip)
+        self._sliding = np.array([joint.prismatic for joint in joints])[:, None]
 
     def places(self, q: Array) -> tuple[Array, Array, Array]:
         """Places of the joints and the tip.
@@ -287,30 +266,23 @@ class Chain:
             q: Postures (m, rad), shape (m, n).
 
         Returns:
-            Origins of the joints, shape (m, n, 3); their axes, shape (m, n, 3); the tip, (m, 3). All
-            in the root's frame (m).
+            Origins of the joints (of slides: where they start), shape (m, n, 3); their axes, shape
+            (m, n, 3); the tip, (m, 3). All in the root's frame (m).
         """
-        count = len(q)
-        turn, shift = np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3))
-        centres, axes = np.empty((2, count, len(self.joints), 3))
-        for joint, i, at in self._way:
-            centre, axis = turn @ joint.centre + shift, turn @ joint.axis
-            values = np.full(count, at) if i is None else q[:, i]
-            if i is not None:
-                centres[:, i], axes[:, i] = centre, axis
-            if joint.prismatic:
-                shift = shift + axis * values[:, None]
-            else:
-                turn = turn @ Rotation.from_rotvec(values[:, None] * joint.axis).as_matrix()
-                shift = centre - turn @ joint.centre
-        return centres, axes, turn @ self._tip + shift
+        model, data = self._model, self._data
+        centres, axes = np.empty((2, *q.shape, 3))
+        tip = np.empty((len(q), 3))
+        for k, posture in enumerate(q):
+            jacobian = pin.computeJointJacobians(model, data, posture).T
+            axes[k] = np.where(self._sliding, jacobian[:, :3], jacobian[:, 3:])
+            centres[k] = [data.oMi[i].translation for i in range(1, model.njoints)]
+            tip[k] = pin.updateFramePlacement(model, data, self._tip).translation
+        return centres - np.where(self._sliding, axes * q[:, :, None], 0.0), axes, tip
 
     def jacobian(self, centres: Array, axes: Array, tip: Array) -> Array:
         """The tip's linear Jacobian for each posture of :meth:`places` (m/m, m/rad), (m, 3, n)."""
-        sliding = np.array([joint.prismatic for joint in self.joints])[None, :, None]
-        columns = np.where(sliding, axes, np.cross(axes, tip[:, None] - centres))
-        result: Array = columns.transpose(0, 2, 1)
-        return result
+        columns = np.where(self._sliding, axes, np.cross(axes, tip[:, None] - centres))
+        return np.array(columns.transpose(0, 2, 1))
 
 
 def held(tree: Tree, names: Iterable[str], rest: Mapping[str, float]) -> dict[str, Inferred]:
@@ -321,11 +293,8 @@ def held(tree: Tree, names: Iterable[str], rest: Mapping[str, float]) -> dict[st
         names: The joints that do not move.
         rest: Where the others rest; zero if they are not in it.
     """
-    found = {
-        joint.name: _held_at(tree, joint, rest, frozenset())
-        for joint in tree.movable
-        if joint.name in set(names) and joint.name not in rest
-    }
+    wanted = set(names) - rest.keys()
+    found = {j.name: _held_at(tree, j, rest, frozenset()) for j in tree.movable if j.name in wanted}
     return {name: finding for name, finding in found.items() if finding.value != 0.0}
 
 
@@ -354,28 +323,26 @@ def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:
         tip: A link.
         ignored: Joints that are the platform's.
     """
-    groups: dict[str, list[Joint]] = {}
+    groups: dict[str, list[tuple[Joint, float]]] = {}
     for joint in tree.chain(tip):
-        if joint.follows is not None and joint.name not in ignored:
-            groups.setdefault(joint.follows.joint, []).append(joint)
+        if (follows := joint.follows) is not None and joint.name not in ignored:
+            master = tree.joint(follows.joint)
+            way = abs(follows.multiplier) * master.width if master and follows.multiplier else 0.0
+            groups.setdefault(follows.joint, []).append((joint, min(joint.width, way)))
     said = []
-    for name, joints in groups.items():
-        master = tree.joint(name)
-        width = 0.0 if master is None else master.width
-        lost = {True: 0.0, False: 0.0}  # of slides and of turns
-        for joint in joints:
-            gain = 0.0 if joint.follows is None else abs(joint.follows.multiplier)
-            lost[joint.prismatic] += min(joint.width, gain * width) if gain else 0.0
+    for name, found in groups.items():
+        slides = sum(way for joint, way in found if joint.prismatic)
+        turns = sum(way for joint, way in found if not joint.prismatic)
         parts = []
-        if slides := lost[True]:
+        if slides:
             parts.append("much of reach" if math.isinf(slides) else f"{slides:.3g} m of reach")
-        if turns := lost[False]:
+        if turns:
             endless = math.isinf(turns)
             parts.append("turns without limits" if endless else f"{turns:.3g} rad of turning")
-        one = len(joints) == 1
+        follow, they = ("follows", "it is") if len(found) == 1 else ("follow", "they are")
         said.append(
-            f"{names_of(joints)} {'follows' if one else 'follow'} {name} by <mimic>, which is not "
-            f"modelled: {'it is' if one else 'they are'} held, which takes "
+            f"{names_of(joint for joint, _ in found)} {follow} {name} by <mimic>, which is not "
+            f"modelled: {they} held, which takes "
             + (" and ".join(parts) or "nothing, as their limits leave no way")
         )
     return said

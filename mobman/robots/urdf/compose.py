@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
@@ -232,6 +233,25 @@ def flat_urdf(
             if element.get(attribute) in joints:
                 element.set(attribute, f"{LINK}{element.get(attribute)}")
     return ET.tostring(robot, encoding="unicode")
+
+
+def flat_model(robot: ET.Element, where: str) -> pin.Model:
+    """Pinocchio's model of :func:`flat_urdf` without base joints.
+
+    Raises:
+        SpecError: As :func:`flat_urdf`, or if Pinocchio refuses it.
+    """
+    xml = flat_urdf(robot, where, base_joints=())
+    try:
+        return pin.buildModelFromXML(xml)
+    except (ValueError, RuntimeError) as error:
+        raise SpecError(f"{where}: Pinocchio refuses the URDF: {error}") from error
+
+
+def frame_of(model: pin.Model, link: str) -> int:
+    """The index of a link's frame in a model of :func:`flat_urdf`."""
+    own = model.existFrame(link, pin.FrameType.BODY)
+    return int(model.getFrameId(link if own else LINK + link, pin.FrameType.BODY))
 
 
 def root_link(robot: ET.Element, where: str) -> str:
