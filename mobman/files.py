@@ -1,11 +1,14 @@
-"""Temporary files that other processes, and other machines on a shared disk, do not stumble over."""
+"""Files written whole or not at all, so that other processes, and machines on a shared disk, bear it."""
 
 from __future__ import annotations
 
 import os
 import socket
 import uuid
+from contextlib import suppress
 from pathlib import Path
+
+from mobman.errors import UsageError
 
 
 def temporary_beside(path: Path) -> Path:
@@ -27,3 +30,45 @@ def is_abandoned(temporary: Path) -> bool:
     except (ValueError, PermissionError):
         return False
     return False
+
+
+def write_new(path: Path, text: str, force: bool, advice: str) -> None:
+    """Write a file whole or not at all, and its folder where there is none.
+
+    Args:
+        path: The file.
+        text: Its content.
+        force: Whether it may replace one that is there.
+        advice: Added to messages, such as ``"choose another -o"``.
+
+    Raises:
+        UsageError: If it cannot be written, or is there already; folders made for it are gone then.
+    """
+    folder, temporary = path.absolute().parent, temporary_beside(path.absolute())
+    missing = [place for place in (folder, *folder.parents) if not os.path.exists(place)]
+    what = f"the folder {folder} cannot be made"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        what = f"nothing can be written in the folder {folder}"
+        temporary.write_text(text, encoding="utf-8")
+        if force or not _linked(temporary, path):
+            os.replace(temporary, path)
+    except OSError as error:
+        raise UsageError(f"{what}: {error.strerror}; {advice}") from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        for place in missing:  # those that are still empty, the innermost first
+            with suppress(OSError):
+                place.rmdir()
+
+
+def _linked(temporary: Path, path: Path) -> bool:
+    """Link a file to its name, never over one that came up meanwhile; False if there are no links."""
+    try:
+        os.link(temporary, path)
+    except FileExistsError:
+        raise UsageError(f"{path} is there already; add --force to replace it") from None
+    except OSError:
+        return False
+    return True

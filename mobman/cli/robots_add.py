@@ -6,21 +6,53 @@ import math
 import os
 import re
 import shlex
-from contextlib import suppress
+import tomllib
+from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mobman.cli.output import console, print_json
+from mobman.cli.output import JSON, POSITIVE, console, print_json
 from mobman.errors import MobmanError, UsageError
-from mobman.robots.infer.findings import PLATFORMS, Options
+from mobman.files import write_new
+from mobman.robots.infer.findings import TYPES, Options
 
 if TYPE_CHECKING:
     from mobman.model.mobile_manipulator import MobileManipulator
 
 _ABOUT_OPTIONS = r"field '(platform|arm|urdf\.lock)\b|\[platform\]|\[arm\]"
 """Parts of a message that an option may mend."""
+
+
+class _PlatformTypes(click.Choice):  # type: ignore[type-arg]  # a class of str since click 8.2
+    """The registered platform types whose fields are found in URDFs, looked up when asked for."""
+
+    def __init__(self) -> None:
+        self.case_sensitive = True
+
+    @cached_property
+    def fields(self) -> dict[str, tuple[str, ...]]:
+        from mobman.model.platforms.platform import platforms
+
+        found = {name: kind.inferred for name, kind in platforms.loaded().items() if kind.inferred}
+        return {**TYPES, **found}
+
+    @property
+    def choices(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(self.fields)
+
+
+_TYPES = _PlatformTypes()
+
+
+def _several(
+    option: str, name: str, about: str, what: str = "JOINT", **more: Any
+) -> Callable[..., Any]:
+    return click.option(
+        option, name, multiple=True, metavar=what, help=f"{about}; repeatable.", **more
+    )
 
 
 @click.command()
@@ -30,41 +62,20 @@ _ABOUT_OPTIONS = r"field '(platform|arm|urdf\.lock)\b|\[platform\]|\[arm\]"
     help="Name of the robot; by default that of FILE, of the URDF's file or the one in the URDF.",
 )
 @click.option("--tip", help="Link whose origin is the end-effector.")
-@click.option(
-    "--right-wheel",
-    "right_wheels",
-    multiple=True,
-    metavar="JOINT",
-    help="Driven wheel; repeatable.",
-)
-@click.option(
-    "--left-wheel", "left_wheels", multiple=True, metavar="JOINT", help="Driven wheel; repeatable."
-)
-@click.option(
-    "--wheel",
-    "wheels",
-    multiple=True,
-    metavar="JOINT",
-    help="Of an omnidirectional platform; repeatable.",
-)
-@click.option("--steering", multiple=True, metavar="JOINT", help="Of a car; repeatable.")
-@click.option(
-    "--platform",
-    type=click.Choice(PLATFORMS),
-    help="Platform type.",
-)
-@click.option("--wheel-radius", type=click.FloatRange(0, min_open=True), help="m.")
+@_several("--right-wheel", "right_wheels", "Driven wheel")
+@_several("--left-wheel", "left_wheels", "Driven wheel")
+@_several("--wheel", "wheels", "Of an omnidirectional platform")
+@_several("--steering", "steering", "Of a car")
+@click.option("--platform", type=_TYPES, help="Platform type.")
+@click.option("--wheel-radius", type=POSITIVE, help="m.")
 @click.option("--heading", type=float, help="Direction of forward in the root link's frame, rad.")
-@click.option(
-    "--lock", multiple=True, metavar="PATTERN", help="Joints that do not move; repeatable."
-)
-@click.option(
+@_several("--lock", "lock", "Joints that do not move", "PATTERN")
+@_several(
     "--package-path",
     "packages",
-    multiple=True,
+    "Folder that holds packages of meshes",
+    "DIR",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
-    metavar="DIR",
-    help="Folder that holds packages of meshes; repeatable.",
 )
 @click.option("--force", is_flag=True, help="Replace a file or a robot that is there.")
 @click.option(
@@ -74,7 +85,7 @@ _ABOUT_OPTIONS = r"field '(platform|arm|urdf\.lock)\b|\[platform\]|\[arm\]"
     metavar="FILE",
     help="TOML file to write; by default in the user's folder of robots.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@JSON
 def add(
     urdf: Path,
     name: str | None,
@@ -94,7 +105,7 @@ def add(
     from mobman.robots.spec import UrdfSource
     from mobman.robots.urdf.read import urdf_file
 
-    options = Options(**given)
+    options = Options(**given, types=_TYPES.fields)
     _check_options(output, options)
     if not os.path.isfile(urdf):
         raise UsageError(f"there is no URDF at {os.path.realpath(urdf)}")
@@ -107,7 +118,9 @@ def add(
     _check_free(name, target, force, by_name=output is None)
     found = infer(file, options)
     source = urdf_source(urdf, None if output is None else target.absolute().parent, packages)
-    robot = _write(robot_toml(found, name, source), target, force)
+    text = robot_toml(found, name, source)
+    robot = _robot_of(text, target)
+    write_new(target, text, force, "choose another -o")
     known = name if output is None else shlex.quote(str(target))
     summary = {
         "name": name,
@@ -126,15 +139,16 @@ def add(
 
 def _check_options(output: Path | None, options: Options) -> None:
     """Refuse what the types of click let pass."""
-    heading, radius = options.heading, options.wheel_radius
-    if heading is not None and not math.isfinite(heading):
-        raise UsageError(f"--heading is {heading}; allowed: a finite angle (rad)")
-    if radius is not None and not math.isfinite(radius):
-        raise UsageError(f"--wheel-radius is {radius}; allowed: a finite length above 0 (m)")
+    for option, value, allowed in (
+        ("--heading", options.heading, "angle (rad)"),
+        ("--wheel-radius", options.wheel_radius, "length above 0 (m)"),
+    ):
+        if value is not None and not math.isfinite(value):
+            raise UsageError(f"{option} is {value}; allowed: a finite {allowed}")
     if output is not None and output.suffix != ".toml":
         raise UsageError(
-            f"-o {str(output)!r} does not end in .toml, by which a robot's file is told from a name; "
-            f"give {f'{output}.toml'!r}"
+            f"-o {str(output)!r} does not end in .toml, which distinguishes a robot's file from a "
+            f"name; give {f'{output}.toml'!r}"
         )
 
 
@@ -154,49 +168,16 @@ def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
         )
 
 
-def _write(text: str, target: Path, force: bool) -> MobileManipulator:
-    """Write the file whole or not at all, once the robot that it describes can be loaded."""
-    folder = target.absolute().parent
-    temporary = folder / f".{target.name}.{os.getpid()}.part"
-    missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
-    try:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(
-                f"the folder {folder} cannot be made: {error.strerror}; choose another -o"
-            ) from error
-        try:
-            temporary.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise UsageError(
-                f"nothing can be written in the folder {folder}: {error.strerror}; choose another -o"
-            ) from error
-        robot = _loaded(temporary, target)
-        if force:
-            temporary.replace(target)
-        else:
-            _place(temporary, target)
-        return robot
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        for path in missing:  # those that are still empty, the innermost first
-            with suppress(OSError):
-                path.rmdir()
-
-
-def _loaded(temporary: Path, target: Path) -> MobileManipulator:
-    """The robot of a file that will be called otherwise."""
+def _robot_of(text: str, target: Path) -> MobileManipulator:
+    """The robot of a file that is written only if it can be loaded."""
     from mobman.model.build import load_robot
-    from mobman.robots.spec import read_spec
+    from mobman.robots.spec import spec_of
 
     try:
-        return load_robot(read_spec(temporary))
+        return load_robot(spec_of(tomllib.loads(text), target))
     except MobmanError as error:
-        said = str(error).replace(str(temporary), str(target))
         advice = "correct the URDF"
-        if re.search(_ABOUT_OPTIONS, said):
+        if re.search(_ABOUT_OPTIONS, str(error)):
             advice += (
                 ", or say what was taken wrongly by --platform, --right-wheel, --left-wheel, --tip, "
                 "--lock, --heading"
@@ -204,41 +185,29 @@ def _loaded(temporary: Path, target: Path) -> MobileManipulator:
         # a class with the same exit status that takes a message only
         kind = UsageError if error.exit_status == UsageError.exit_status else MobmanError
         raise kind(
-            f"nothing was written, since the robot cannot be loaded: {said}; {advice}"
+            f"nothing was written, since the robot cannot be loaded: {error}; {advice}"
         ) from error
-
-
-def _place(temporary: Path, target: Path) -> None:
-    """Rename, but never over a file that came up meanwhile."""
-    try:
-        os.link(temporary, target)
-    except FileExistsError:
-        raise UsageError(f"{target} is there already; add --force to replace it") from None
-    except OSError:  # no hard links on this file system
-        temporary.replace(target)
 
 
 def _print(summary: dict[str, Any]) -> None:
     out = console()
-
-    def line(key: str, text: str) -> None:
-        out.print(f"  {key:<11} {text}", soft_wrap=True)
-
+    joints = summary["arm_joints"]
     out.print(f"{summary['name']}: {summary['file']}", soft_wrap=True)
-    line("platform", summary["platform"])
+    lines = [("platform", summary["platform"])]
     if summary["wheels"]:
-        line("wheels", ", ".join(summary["wheels"]))
-        line("radius", f"{summary['wheel_radius']:.4g} m")
+        lines += [("wheels", ", ".join(summary["wheels"]))]
+        lines += [("radius", f"{summary['wheel_radius']:.4g} m")]
     if summary["half_track"] is not None:
-        line("half track", f"{summary['half_track']:.4f} m")
+        lines += [("half track", f"{summary['half_track']:.4f} m")]
     if summary["heading"]:
-        line("heading", f"{summary['heading']:.4g} rad from the root link's x axis")
-    line("arm joints", f"{len(summary['arm_joints'])}: {', '.join(summary['arm_joints'])}")
-    line("tip", summary["tip"])
-    line("locked", f"{len(summary['locked'])} joints")
-    rest = (f"{joint} {value:.4g}" for joint, value in summary["rest"].items())
-    line("rest", ", ".join(rest))
-    for doubt in summary["uncertain"]:
-        line("uncertain", doubt)
-    for command in summary["next"]:
-        line("next", command)
+        lines += [("heading", f"{summary['heading']:.4g} rad from the root link's x axis")]
+    lines += [
+        ("arm joints", f"{len(joints)}: {', '.join(joints)}"),
+        ("tip", summary["tip"]),
+        ("locked", f"{len(summary['locked'])} joints"),
+        ("rest", ", ".join(f"{joint} {at:.4g}" for joint, at in summary["rest"].items())),
+        *(("uncertain", doubt) for doubt in summary["uncertain"]),
+        *(("next", command) for command in summary["next"]),
+    ]
+    for key, text in lines:
+        out.print(f"  {key:<11} {text}", soft_wrap=True)

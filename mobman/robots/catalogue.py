@@ -22,8 +22,8 @@ _loaded: dict[EntryPoint, RobotSpec | None] = {}
 
 
 def list_robots() -> list[str]:
-    """The names that :func:`load_robot` takes, sorted; packages' robots without loading them. One that
-    was asked for and could not be loaded is left out."""
+    """The names that :func:`load_robot` takes, sorted; packages' robots without loading them, less those
+    that could not be loaded."""
     return sorted({*own_robots(), *_registered, *_plugins(), *_users()})
 
 
@@ -69,7 +69,7 @@ def as_spec(spec_or_path: RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
         content = {"folder": Path.cwd(), **spec_or_path}
         return validate(RobotSpec, content, f"robot {spec_or_path.get('name', '')!r}")
     if not isinstance(spec_or_path, (str, os.PathLike)):
-        raise UsageError(f"{spec_or_path!r} is no robot: give a description or a TOML file")
+        raise UsageError(f"{spec_or_path!r} is not a robot: expected a description or a TOML file")
     return read_spec(Path(spec_or_path))
 
 
@@ -104,7 +104,7 @@ def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
         SpecError: If the description is not valid.
     """
     if not isinstance(name_or_path, (str, os.PathLike)):
-        raise UsageError(f"{name_or_path!r} is no robot: give a name or a TOML file")
+        raise UsageError(f"{name_or_path!r} is not a robot: expected a name or a TOML file")
     text = os.fspath(name_or_path)
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):
         return read_spec(Path(text))

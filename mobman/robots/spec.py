@@ -1,7 +1,8 @@
-"""The description of a robot: a TOML file (or a dictionary) beside a URDF."""
+"""The description of a robot: a TOML file (or a dictionary) alongside a URDF."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -62,8 +63,8 @@ class ArmSource(Strict):
 
 
 class Coupling(Strict):
-    """A wish that one coordinate follow another: adds w/2 (dq_joint - ratio dq_to)^2 to F, with dq the
-    deviation from rest; a part of K_F beside its diagonal.
+    """Soft coupling between two coordinates: adds w/2 (dq_joint - ratio dq_to)^2 to F, with dq the
+    deviation from rest; an off-diagonal part of K_F.
 
     What moves the tip at once needs none. The steering angle of a car does not, and so the diagonal
     criterion would hold it at rest for ever.
@@ -137,8 +138,14 @@ def read_spec(path: Path) -> RobotSpec:
     Raises:
         SpecError: If the file cannot be read or a field is wrong.
     """
-    content = read_toml(path, "robot file")
-    for own in ("folder", "file"):
-        content.pop(own, None)
+    return spec_of(read_toml(path, "robot file"), path)
+
+
+def spec_of(content: Mapping[str, Any], path: Path) -> RobotSpec:
+    """The robot that a TOML file of this content describes; the file need not be there yet.
+
+    Raises:
+        SpecError: If a field is wrong.
+    """
     places = {"folder": path.resolve().parent, "file": path}
     return validate(RobotSpec, {**content, **places}, str(path))

@@ -25,7 +25,7 @@ from support.goldens import (
 from support.variants import youbot_urdf
 
 TRANSCRIPTS, VERSIONS = FOLDER / "cli", "cli_versions.json"
-LIBRARIES = ("click", "rich", "pydantic")
+LIBRARIES = ("click", "rich", "pydantic", "tomlkit")
 
 COMMANDS = """
 mobman --version

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 from support.variants import ROBOTS, description, toml, youbot_urdf, youbot_with_urdf
 
@@ -219,3 +220,16 @@ def test_links_that_are_offered_as_tips_are_those_of_the_urdf():
     offered = re.search(r"its links: ([^;]*)", str(caught.value))
     assert offered is not None
     assert offered[1].split(", ") == links
+
+
+def test_velocities_without_inertia_are_named_by_their_share(monkeypatch):
+    """Those that take part by more than 0.3 in the direction that has none."""
+    direction = np.array([0.8, 0.34, 0.29, 0.29, 0.0])
+    direction[-1] = np.sqrt(1.0 - direction @ direction)
+    monkeypatch.setattr(
+        mm.MobileManipulator,
+        "reduced_inertia",
+        lambda robot, q: np.eye(5) - 1.5 * np.outer(direction, direction),
+    )
+    with pytest.raises(mm.MobmanError, match=r"at rest: moving alpha_1, alpha_2 meets no inertia"):
+        mm.load_robot("youbot")

@@ -83,6 +83,11 @@ class Platform(ABC):
     """The joints that move the platform: :data:`BASE_JOINTS`, or none."""
     wheels: tuple[Wheel, ...] = ()
     """The wheels among the coordinates."""
+    inferred: tuple[str, ...] = ()
+    """The fields of ``[platform]`` that ``mobman robots add`` is to find in a URDF for a type of the
+    user's own: of ``heading``, ``right_wheel`` and ``left_wheel`` (or both with ``rear_`` in front),
+    ``right_wheels`` and ``left_wheels``, ``wheels``, ``kind``, ``steering``, ``front_wheels``, ``axle``,
+    ``height``, ``wheel_radius``. Without any, ``--platform`` does not offer the type."""
 
     @classmethod
     @abstractmethod

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.random import Generator
 
 from mobman.arrays import Array
 from mobman.robots.infer.findings import (
@@ -60,11 +61,7 @@ class Arm:
 
 
 class Branches:
-    """Arms, heads and grippers: all that moves and is not the platform.
-
-    Args:
-        tree: The robot.
-        taken: Joints of the platform and in front of it.
+    """Arms, heads and grippers: all that moves and is not taken by the platform, or in front of it.
 
     Attributes:
         fingers: Names of the joints of grippers and hands.
@@ -76,13 +73,9 @@ class Branches:
         self._taken = taken
         self.joints = [joint for joint in tree.movable if joint.name not in taken]
         self.fingers = self._find_fingers()
-        self._moving = [
-            joint
-            for joint in self.joints
-            if joint.name not in self.fingers and joint.follows is None
-        ]
-        moving = set(self._moving)
-        self.ends = [joint for joint in self._moving if moving.isdisjoint(tree.behind(joint))]
+        moving = {j: None for j in self.joints if j.name not in self.fingers and not j.follows}
+        self._moving = moving.keys()
+        self.ends = [joint for joint in moving if self._moving.isdisjoint(tree.behind(joint))]
 
     def arms(self) -> list[Arm]:
         """The chains that may be arms, heads left out where there is something else."""
@@ -97,11 +90,8 @@ class Branches:
 
     def heads(self) -> list[Joint]:
         """Joints that belong to heads only."""
-        found: dict[str, Joint] = {}
-        for chain in map(self._arm, self.ends):
-            if self._is_head(chain):
-                found |= {joint.name: joint for joint in chain.joints[-chain.own :]}
-        return list(found.values())
+        heads = [arm for arm in map(self._arm, self.ends) if self._is_head(arm)]
+        return list(dict.fromkeys(joint for arm in heads for joint in arm.joints[-arm.own :]))
 
     def _is_head(self, arm: Arm) -> bool:
         own = arm.joints[-arm.own :]
@@ -282,21 +272,12 @@ class _Score:
     """A score of postures: a number above 0 for each."""
 
     def __init__(
-        self,
-        chain: Chain,
-        around: Surroundings,
-        low: Array,
-        high: Array,
-        random: np.random.Generator,
+        self, chain: Chain, around: Surroundings, low: Array, high: Array, random: Generator
     ) -> None:
         self._chain, self._around = chain, around
         self._middle, self._half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 1e-9)
-        self._scale = np.array(
-            [
-                half if joint.prismatic else min(_LEVER, half)
-                for joint, half in zip(chain.joints, self._half, strict=True)
-            ]
-        )
+        sliding = [joint.prismatic for joint in chain.joints]
+        self._scale = np.where(sliding, self._half, np.minimum(_LEVER, self._half))
         centres, axes, tip = chain.places(low + (high - low) * random.random((200, len(low))))
         jacobian = chain.jacobian(centres, axes, tip) * self._scale
         values = np.linalg.svd(jacobian, compute_uv=False)
@@ -366,24 +347,22 @@ def _rounded(
 
 
 def steering_couplings(steering: Sequence[Joint], chain: Chain, rest: Array) -> list[Coupling]:
-    """Couplings that let all joints that steer follow a yaw of the arm; none if it has no yaw.
+    """Couplings that let all joints that steer follow a yaw of the arm at rest; none if it has no yaw.
 
     The ratio is +1 where both turn to the left with positive angles, or both to the right; else -1.
-
-    Args:
-        steering: Joints that steer.
-        chain: The arm.
-        rest: Its rest posture (m, rad), in the chain's order.
     """
     centres, axes, tip = (values[0] for values in chain.places(rest[None]))
     weight = CriterionSource().default
     for joint, centre, axis in zip(chain.joints, centres, axes, strict=True):
         yaws = not joint.prismatic and abs(axis[2]) >= _UPRIGHT
         if yaws and np.linalg.norm(tip[:2] - centre[:2]) >= _LEVER_ARM:
-            turn = float(np.sign(axis[2]))
-            ratios = [float(np.sign(wheel.axis[2])) * turn for wheel in steering]
             return [
-                Coupling(joint=wheel.name, to=joint.name, ratio=ratio, weight=weight)
-                for wheel, ratio in zip(steering, ratios, strict=True)
+                Coupling(
+                    joint=wheel.name,
+                    to=joint.name,
+                    ratio=float(np.sign(wheel.axis[2] * axis[2])),
+                    weight=weight,
+                )
+                for wheel in steering
             ]
     return []

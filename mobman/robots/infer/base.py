@@ -7,16 +7,16 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.robots.infer.drive import OMNI, Drive, lock_passive, orient
+from mobman.robots.infer.drive import OMNI, Drive, Forward, find_forward, heading_of
 from mobman.robots.infer.findings import (
     CASTER,
     MECANUM,
     WHEEL,
-    WITHOUT_WHEELS,
     Inferred,
     Lock,
     Options,
     Undecided,
+    lock_once,
     says,
 )
 from mobman.robots.infer.kinematics import Joint, Tree, names_of
@@ -47,39 +47,38 @@ def find_drive(
     Args:
         tree: The robot.
         wheels: All that rolls on the ground.
-        options: What the user says.
+        options: Facts that the user gives.
         ignored: Virtual joints in front of the base.
-        arms: Where the ends of arms and heads are with all joints at zero (m), shape (n, 3).
-        hint: Name of the robot and of plug-ins, which may speak of mecanum wheels.
+        arms: The ends of arms and heads with all joints at zero (m), shape (n, 3).
+        hint: Evidence of mecanum wheels beyond their names; empty if there is none.
 
     Raises:
         Undecided: If it takes an option.
     """
     if options.right_wheels or options.left_wheels or options.wheels:
         drive = _named(tree, options, ignored)
-    elif options.platform in WITHOUT_WHEELS:
+    elif options.platform is not None and options.without_wheels(options.platform):
         drive = Drive(Inferred(options.platform, "as asked for"))
-        fixed, _ = _driven_wheels(wheels)
-        for one, other in pairs_of(fixed)[:1]:  # they say where forward and the axle are
+        for one, other in pairs_of(_driven_wheels(wheels)[0])[:1]:  # where forward and the axle are
             drive.right, drive.left = [one], [other]
     else:
         drive = _recognised(tree, wheels, options, hint)
-    orient(tree, drive, wheels, options, arms)
-    lock_passive(drive, wheels)
+    drive.coordinates = not options.without_wheels(drive.type.value)
+    _orient(tree, drive, wheels, options, arms)
+    _lock_passive(drive, wheels)
     return drive
 
 
 def _named(tree: Tree, options: Options, ignored: set[str]) -> Drive:
     """The platform of the wheels that the user names."""
-
-    def find(names: Sequence[str], option: str) -> list[Rolling]:
-        return [
-            as_wheel(tree, j, ignored) for j in _joints(tree, names, option, " of the URDF; it")
-        ]
-
-    right = find(options.right_wheels, "--right-wheel")
-    left = find(options.left_wheels, "--left-wheel")
-    wheels = find(options.wheels, "--wheel")
+    right, left, wheels = (
+        [as_wheel(tree, j, ignored) for j in _joints(tree, names, option, " of the URDF; it")]
+        for names, option in (
+            (options.right_wheels, "--right-wheel"),
+            (options.left_wheels, "--left-wheel"),
+            (options.wheels, "--wheel"),
+        )
+    )
     if len(right) != len(left):
         raise Undecided(
             f"--right-wheel names {len(right)} and --left-wheel {len(left)} wheels; give as many of each"
@@ -91,46 +90,45 @@ def _named(tree: Tree, options: Options, ignored: set[str]) -> Drive:
     steering = _steering_joints(tree, [], options)
     count = "differential" if len(right) == 1 else "skid-steer"
     kind = options.platform or ("omnidirectional" if wheels else "car-like" if steering else count)
-    if kind == "omnidirectional":
-        return _omnidirectional(wheels or [*right, *left], "")
+    fields = options.fields(kind)
+    if "wheels" in fields:
+        return _omnidirectional(kind, wheels or [*right, *left], "")
     if wheels:
         raise Undecided(
             f"--wheel is for --platform omnidirectional; {kind}: --right-wheel, --left-wheel"
         )
-    if kind in ("differential", "car-like") and len(right) != 1:
+    if {"right_wheel", "rear_right_wheel"} & set(fields) and len(right) != 1:
         raise Undecided(f"{kind}: give one --right-wheel and one --left-wheel")
     drive = Drive(Inferred(kind, "as asked for"), right, left, steering=steering)
-    if kind == "car-like":
+    if "steering" in fields:
         if not steering:
-            raise Undecided(f"car-like: name --steering; candidates: {names_of(tree.movable)}")
+            raise Undecided(f"{kind}: name --steering; candidates: {names_of(tree.movable)}")
         drive.front = _steered_wheels(steering, rolling_wheels(tree, ignored))
     return drive
 
 
 def _joints(tree: Tree, names: Sequence[str], option: str, of: str = "; the URDF") -> list[Joint]:
     """The movable joints that an option names."""
-    found = []
-    for name in names:
-        joint = tree.joint(name)
-        if joint is None:
-            raise Undecided(
-                f"{option} {name!r} is no movable joint{of} has: {names_of(tree.movable)}"
-            )
-        found.append(joint)
-    return found
+    found = {name: tree.joint(name) for name in names}
+    if unknown := [name for name, joint in found.items() if joint is None]:
+        raise Undecided(
+            f"{option} {unknown[0]!r} is no movable joint{of} has: {names_of(tree.movable)}"
+        )
+    return [joint for name in names if (joint := found[name])]
 
 
 def _recognised(tree: Tree, wheels: list[Rolling], options: Options, hint: str) -> Drive:
     """The platform that the wheels make."""
     driven, turrets = _driven_wheels(wheels)
     asked = options.platform
+    sliding = asked is not None and "wheels" in options.fields(asked)
     steered = [w for w in wheels if w.steering is not None and w not in driven]
-    if asked == "omnidirectional" and len(driven) < 3:
+    if sliding and len(driven) < 3:
         driven = _one_each(wheels)
     pairs = pairs_of(driven)
     crooked = len(driven) >= 3 and not _all_parallel(driven)
-    if asked == "omnidirectional" or (asked is None and crooked):
-        return _omnidirectional(driven, hint)
+    if sliding or (asked is None and crooked):
+        return _omnidirectional(asked or "omnidirectional", driven, hint)
     if asked is None and not pairs:
         raise Undecided(_no_platform(tree, wheels))
     drive = _of_pairs(tree, pairs, steered, options, hint)
@@ -158,23 +156,24 @@ def _of_pairs(
     kind = options.platform or (
         "car-like" if steering else "differential" if len(pairs) == 1 else several
     )
+    fields = options.fields(kind)
     listing = ", ".join(f"{a.name} and {b.name}" for a, b in pairs) or "no pair of wheels"
-    if kind == "omnidirectional":
+    if "wheels" in fields:
         return Drive(Inferred(kind, sign), wheels=[*right, *left], kind=Inferred("mecanum"))
-    if kind == "car-like":
+    if "steering" in fields:
         if len(pairs) != 1 or not 0 < len(steering) <= 2:
             raise Undecided(
-                f"a car-like platform has two rear wheels and one or two steering joints; found "
+                f"a {kind} platform has two rear wheels and one or two steering joints; found "
                 f"{listing} and the steering joints {names_of(steering)}: name them by "
                 "--right-wheel, --left-wheel and --steering, or choose another --platform"
             )
         why = "limited vertical joints carry the front wheels"
         front = _steered_wheels(steering, steered)
         return Drive(Inferred(kind, why), right, left, steering=steering, front=front)
-    if kind == "differential":
+    if "right_wheel" in fields:
         if len(pairs) != 1:
             raise Undecided(
-                f"a differential platform has two driven wheels; found {listing}: name them by "
+                f"a {kind} platform has two driven wheels; found {listing}: name them by "
                 "--right-wheel and --left-wheel"
             )
         return Drive(Inferred(kind, "two driven wheels on one axle"), right, left)
@@ -232,11 +231,10 @@ def _driven_wheels(wheels: list[Rolling]) -> tuple[list[Rolling], tuple[str, ...
     named = [w for w in fixed if not w.says(CASTER)]
     groups: list[list[Rolling]] = []
     for wheel in named if len(named) >= 2 else fixed:
-        group = next((g for g in groups if _alike(g[0], wheel)), None)
-        if group is None:
-            groups.append([wheel])
-        else:
-            group.append(wheel)
+        alike = next((g for g in groups if _alike(g[0], wheel)), [])
+        if not alike:
+            groups.append(alike)
+        alike.append(wheel)
     # casters are smaller than what drives
     best = max(
         (g for g in groups if pairs_of(g) or len(g) >= 3),
@@ -273,19 +271,19 @@ def _all_parallel(wheels: Sequence[Rolling]) -> bool:
     return all(wheels[0].parallel(w) for w in wheels)
 
 
-def _omnidirectional(driven: list[Rolling], hint: str) -> Drive:
-    """A platform on wheels with rollers; the hint is what beside their own names speaks of these."""
+def _omnidirectional(name: str, driven: list[Rolling], hint: str) -> Drive:
+    """A platform on wheels with rollers; the hint is evidence of these beyond their own names."""
     if len(driven) < 3:
         raise Undecided(
-            f"an omnidirectional platform has three wheels or more; found "
+            f"an {name} platform has three wheels or more; found "
             f"{', '.join(w.name for w in driven) or 'none'}: name them by --wheel (once for each)"
         )
     if _all_parallel(driven):
         why, kind = _mecanum_sign(driven, hint) or "as asked for", Inferred("mecanum")
     else:
         why, kind = f"{len(driven)} wheels with axes in different directions", OMNI
-    drive = Drive(Inferred("omnidirectional", why), wheels=driven, kind=kind)
-    if swivels := tuple(w.swivel.name for w in driven if w.swivel is not None):
+    drive = Drive(Inferred(name, why), wheels=driven, kind=kind)
+    if swivels := [w.swivel.name for w in driven if w.swivel is not None]:
         drive.uncertain.append(
             f"{', '.join(swivels)} swivel the wheels; they are locked and the wheels taken as "
             f"{kind.value} wheels"
@@ -336,3 +334,62 @@ def _steered_wheels(steering: list[Joint], wheels: list[Rolling]) -> list[Rollin
     """The wheels behind the steering joints, if there is a right and a left one."""
     found = [w for w in wheels if w.steering in steering]
     return found if len(found) == 2 and len(pairs_of(found)) == 1 else []
+
+
+def _orient(tree: Tree, drive: Drive, wheels: list[Rolling], options: Options, arms: Array) -> None:
+    """Forward, and with it right and left and the order of wheels."""
+    driven = drive.driven
+    if options.heading is not None:
+        drive.forward = Forward(float(options.heading), "as asked for")
+    elif drive.steering and driven:
+        axle = np.mean([w.joint.centre[:2] for w in driven], axis=0)
+        steered = np.mean([joint.centre[:2] for joint in drive.steering], axis=0)
+        ahead = driven[0].ahead * np.sign((steered - axle) @ driven[0].ahead)
+        drive.forward = Forward(heading_of(ahead), "the steered wheels are in front")
+    elif driven and _all_parallel(driven):
+        others = [w for w in wheels if w not in driven]
+        drive.forward, clear = find_forward(tree, driven, others, arms)
+        if not clear:
+            drive.uncertain.append(
+                f"which way is forward ({drive.forward.why}); the other way: --heading "
+                f"{heading_of(-drive.forward.direction):.10g}"
+            )
+
+    def to_the_left(w: Rolling) -> float:
+        return float(w.joint.centre[:2] @ drive.forward.left)
+
+    def to_the_front(w: Rolling) -> float:
+        return float(w.joint.centre[:2] @ drive.forward.direction)
+
+    if not options.right_wheels:
+        pairs = [
+            sorted(pair, key=to_the_left) for pair in zip(drive.right, drive.left, strict=True)
+        ]
+        pairs.sort(key=lambda pair: -to_the_front(pair[0]))
+        drive.right, drive.left = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+    if not options.wheels:
+        drive.wheels.sort(key=lambda w: (-round(to_the_front(w) / SAME_PLACE), -to_the_left(w)))
+    drive.steering.sort(key=lambda joint: float(joint.centre[:2] @ drive.forward.left))
+    drive.front.sort(key=to_the_left)
+
+
+def _lock_passive(drive: Drive, wheels: list[Rolling]) -> None:
+    """Lock everything about wheels that is no coordinate of the platform."""
+    own = drive.own
+    turning = [w for w in wheels if w.name not in own]
+    every = [*drive.rolling, *turning]
+    casters = [w for w in turning if w.swivel is not None or w.says(CASTER)]
+    none = "" if drive.coordinates else f"wheels: {drive.type.value} platforms have none"
+    drive.locks += lock_once(
+        {name for lock in drive.locks for name in lock.joints} | own,
+        ([w.name for w in wheels if none], none),  # they stay where they are for the axle's place
+        (_names((w.swivel, w.joint, *w.rollers) for w in casters), "casters"),
+        (_names((w.steering, w.joint, *w.rollers) for w in turning), "wheels that do not drive"),
+        (_names(w.suspension for w in every), "suspension"),
+        (_names((w.swivel,) for w in every), "swivels of the wheels"),
+        (_names(w.rollers for w in every), "rollers"),
+    )
+
+
+def _names(groups: Iterable[Iterable[Joint | None]]) -> list[str]:
+    return [joint.name for joints in groups for joint in joints if joint is not None]

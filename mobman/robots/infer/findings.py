@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from mobman.errors import UsageError
 
-PLATFORMS = ("differential", "skid-steer", "omnidirectional", "car-like", "unicycle", "fixed")
-"""Platform types that are found, or that may be asked for."""
-WITHOUT_WHEELS = ("unicycle", "fixed")
-"""Those whose wheels are no coordinates."""
+TYPES: dict[str, tuple[str, ...]] = {
+    "differential": ("heading", "right_wheel", "left_wheel", "wheel_radius"),
+    "skid-steer": ("heading", "right_wheels", "left_wheels", "wheel_radius"),
+    "omnidirectional": ("heading", "kind", "wheels", "wheel_radius"),
+    "car-like": (
+        "heading", "rear_right_wheel", "rear_left_wheel", "steering", "front_wheels", "wheel_radius",
+    ),
+    "unicycle": ("heading", "axle", "height"),
+    "fixed": (),
+}  # fmt: skip
+"""Platform types that wheels are recognised as, or that need none, and the fields that are found."""
 
 CASTER = r"cast[eo]r|passive|idler|support|swivel|free_?wheel|dummy|trailing"
 WHEEL = r"wheel(?!_?base)"
@@ -62,6 +69,7 @@ class Options:
         wheel_radius: m.
         heading: Direction of forward in the root link's frame (rad).
         lock: More joints that do not move: names or patterns.
+        types: Platform types that may be asked for, and those of their fields that are found.
     """
 
     tip: str | None = None
@@ -73,6 +81,15 @@ class Options:
     wheel_radius: float | None = None
     heading: float | None = None
     lock: tuple[str, ...] = ()
+    types: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: TYPES)
+
+    def fields(self, platform: str) -> tuple[str, ...]:
+        """The fields of a platform type that are found."""
+        return self.types.get(platform, ())
+
+    def without_wheels(self, platform: str | None) -> bool:
+        """True if a platform type's wheels are no coordinates."""
+        return platform is not None and not any("wheel" in f for f in self.fields(platform))
 
 
 @dataclass(frozen=True)
@@ -89,6 +106,17 @@ class Lock:
 
     joints: tuple[str, ...]
     why: str
+
+
+def lock_once(taken: set[str], *groups: tuple[Iterable[str], str]) -> list[Lock]:
+    """Locks of joints that are not taken, each by the first group that has it."""
+    found, done = [], set(taken)
+    for joints, why in groups:
+        names = dict.fromkeys(name for name in joints if name not in done)
+        done.update(names)
+        if names:
+            found.append(Lock(tuple(names), why))
+    return found
 
 
 class Undecided(UsageError):

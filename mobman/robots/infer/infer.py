@@ -30,6 +30,7 @@ from mobman.robots.infer.findings import (
     Lock,
     Options,
     Undecided,
+    lock_once,
     says,
 )
 from mobman.robots.infer.kinematics import (
@@ -41,7 +42,6 @@ from mobman.robots.infer.kinematics import (
     virtual_joints,
 )
 from mobman.robots.infer.wheels import (
-    Rolling,
     footprint,
     lowest_point,
     rolling_wheels,
@@ -119,7 +119,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     ignored = {joint.name for joint in virtual}
     wheels = rolling_wheels(tree, ignored)
     questions: list[str] = []
-    taken = ignored | _wheel_joints(wheels)
+    taken = ignored | {joint.name for wheel in wheels for joint in wheel.joints}
     ends = [tree.position[end.child] for end in Branches(tree, taken).ends]
     drive, radius, uncertain = None, None, list[str]()
     try:
@@ -169,7 +169,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         robot_name=robot.get("name", ""),
         joints=tuple(joint.name for joint in tree.movable),
         platform=drive,
-        fields=_fields(drive, radius, ground),
+        fields=_fields(drive, radius, ground, options.fields(drive.type.value)),
         arm=arm,
         locks=tuple(locks),
         rest=rest,
@@ -177,15 +177,6 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         couplings=tuple(couplings),
         uncertain=tuple(dict.fromkeys(uncertain)),
     )
-
-
-def _wheel_joints(wheels: Iterable[Rolling]) -> set[str]:
-    return {
-        joint.name
-        for w in wheels
-        for joint in (w.joint, w.swivel, w.steering, *w.suspension, *w.rollers)
-        if joint is not None
-    }
 
 
 def _hint(robot: ET.Element) -> str:
@@ -202,16 +193,14 @@ def _hint(robot: ET.Element) -> str:
 
 def _matching(tree: Tree, wanted: Sequence[str]) -> tuple[str, ...]:
     """The joints that the user locks."""
-    found: dict[str, None] = {}
-    for pattern in wanted:
-        names = [joint.name for joint in tree.movable if fnmatchcase(joint.name, pattern)]
+    movable = [joint.name for joint in tree.movable]
+    found = {pattern: [n for n in movable if fnmatchcase(n, pattern)] for pattern in wanted}
+    for pattern, names in found.items():
         if not names:
             raise Undecided(
-                f"--lock {pattern!r} matches no movable joint; the URDF has: "
-                f"{', '.join(joint.name for joint in tree.movable)}"
+                f"--lock {pattern!r} matches no movable joint; the URDF has: {', '.join(movable)}"
             )
-        found |= dict.fromkeys(names)
-    return tuple(found)
+    return tuple(dict.fromkeys(name for names in found.values() for name in names))
 
 
 def _locks(
@@ -226,27 +215,19 @@ def _locks(
     if own := [name for name in by_user if name in drive.own]:
         raise Undecided(f"--lock matches the platform's own {', '.join(own)}")
 
-    def lock(joints: Iterable[Joint], why: str) -> Lock:
-        return Lock(tuple(joint.name for joint in joints), why)
-
-    others = [joint for other in branches.arms() if other.tip != arm.tip for joint in other.joints]
-    groups = [
-        lock(virtual, "virtual joints in front of the base"),
-        *drive.locks,
-        Lock(tuple(by_user), "as asked for"),
-        lock((joint for joint in tree.movable if joint.name in branches.fingers), "fingers"),
-        lock((joint for joint in tree.movable if joint.follows), "follow other joints (mimic)"),
-        lock(branches.heads(), "head"),
-        lock(others, "another arm; without this it is free and holds its rest posture"),
-        lock(tree.movable, "not between the platform and the tip"),
-    ]
-    found, done = [], {joint.name for joint in arm.joints} | drive.own
-    for group in groups:
-        names = tuple(dict.fromkeys(name for name in group.joints if name not in done))
-        done.update(names)
-        if names:
-            found.append(Lock(names, group.why))
-    return found
+    others = [j.name for other in branches.arms() if other.tip != arm.tip for j in other.joints]
+    movable = [joint.name for joint in tree.movable]
+    return lock_once(
+        {joint.name for joint in arm.joints} | drive.own,
+        ([joint.name for joint in virtual], "virtual joints in front of the base"),
+        *((lock.joints, lock.why) for lock in drive.locks),
+        (by_user, "as asked for"),
+        ([name for name in movable if name in branches.fingers], "fingers"),
+        ([joint.name for joint in tree.movable if joint.follows], "follow other joints (mimic)"),
+        ([joint.name for joint in branches.heads()], "head"),
+        (others, "another arm; without this it is free and holds its rest posture"),
+        (movable, "not between the platform and the tip"),
+    )
 
 
 def _ground(tree: Tree, drive: Drive, radius: Inferred | None) -> Inferred:
@@ -259,32 +240,31 @@ def _ground(tree: Tree, drive: Drive, radius: Inferred | None) -> Inferred:
     return named or lowest or Inferred(0.0, f"the origin of {tree.root}")
 
 
-def _fields(drive: Drive, radius: Inferred | None, ground: Inferred) -> dict[str, Inferred]:
-    fields: dict[str, Inferred] = {}
-    kind = drive.type.value
-    if kind != "fixed" and drive.forward.heading != 0.0:
-        fields["heading"] = Inferred(drive.forward.heading, f"forward: {drive.forward.why}")
-    right, left = [w.name for w in drive.right], [w.name for w in drive.left]
-    if kind == "differential":
-        fields |= {"right_wheel": Inferred(right[0]), "left_wheel": Inferred(left[0])}
-    elif kind == "skid-steer":
-        fields |= {"right_wheels": Inferred(right), "left_wheels": Inferred(left)}
-    elif kind == "omnidirectional":
-        fields |= {"kind": drive.kind, "wheels": Inferred([w.name for w in drive.wheels])}
-    elif kind == "car-like":
-        fields |= {"rear_right_wheel": Inferred(right[0]), "rear_left_wheel": Inferred(left[0])}
-        fields["steering"] = Inferred([joint.name for joint in drive.steering])
-        if drive.front:
-            fields["front_wheels"] = Inferred([w.name for w in drive.front])
-    elif kind == "unicycle":
-        centre = drive.centre
-        where = [0.0, 0.0] if centre is None else [round(float(x), 5) + 0.0 for x in centre[:2]]
-        what = "the root link's origin" if centre is None else "the middle of the wheels' axle"
-        fields["axle"] = Inferred(where, f"{what}, where it does not slip sideways")
-        fields["height"] = Inferred(round(-ground.value, 5) + 0.0, f"ground: {ground.why}")
-    if radius is not None:
-        fields["wheel_radius"] = radius
-    return fields
+def _fields(
+    drive: Drive, radius: Inferred | None, ground: Inferred, wanted: Iterable[str]
+) -> dict[str, Inferred]:
+    """The fields of a platform's type, as far as they are found."""
+    right, left, wheels, front = (
+        [w.name for w in some] for some in (drive.right, drive.left, drive.wheels, drive.front)
+    )
+    centre, heading = drive.centre, drive.forward.heading
+    where = [0.0, 0.0] if centre is None else [round(float(x), 5) + 0.0 for x in centre[:2]]
+    what = "the root link's origin" if centre is None else "the middle of the wheels' axle"
+    facts: dict[str, Inferred | None] = {
+        "heading": Inferred(heading, f"forward: {drive.forward.why}") if heading else None,
+        "right_wheels": Inferred(right),
+        "left_wheels": Inferred(left),
+        "wheels": Inferred(wheels),
+        "kind": drive.kind,
+        "steering": Inferred([joint.name for joint in drive.steering]),
+        "front_wheels": Inferred(front) if front else None,
+        "axle": Inferred(where, f"{what}, where it does not slip sideways"),
+        "height": Inferred(round(-ground.value, 5) + 0.0, f"ground: {ground.why}"),
+        "wheel_radius": radius,
+    }
+    for side, names in (("right", right), ("left", left)):
+        facts[f"{side}_wheel"] = facts[f"rear_{side}_wheel"] = Inferred(names[0]) if names else None
+    return {name: fact for name in wanted if (fact := facts.get(name)) is not None}
 
 
 def _rest(tree: Tree, arm: Arm, still: set[str], around: Surroundings) -> dict[str, Inferred]:

@@ -94,11 +94,7 @@ class Joint:
 
 
 class Tree:
-    """Links and joints of a URDF with all joints at zero, and the shapes of the links.
-
-    Args:
-        robot: The checked ``<robot>`` element.
-        urdf: Its file.
+    """Links and joints of a checked URDF with all joints at zero, and the shapes of the links.
 
     Attributes:
         model: Pinocchio's model, root link at the world's origin, one coordinate a joint.
@@ -129,9 +125,13 @@ class Tree:
         name, kind = element.get("name", ""), element.get("type", "")
         parent, child = (next(element.iter(end)).get("link", "") for end in ("parent", "child"))
         limit, mimic = element.find("limit"), element.find("mimic")
-        endless, axis = kind == "continuous", np.zeros(3)
+        endless, axis, follows = kind == "continuous", np.zeros(3), None
+        if mimic is not None:
+            law = scalar(mimic, "multiplier", 1.0), scalar(mimic, "offset")
+            follows = Follows(mimic.get("joint", ""), *law)
         if kind != "fixed":
-            column = data.J[:, self.model.joints[self.model.getJointId(name)].idx_v]
+            columns = np.reshape(data.J, (6, -1))  # of one joint Pinocchio gives a vector
+            column = columns[:, self.model.joints[self.model.getJointId(name)].idx_v]
             axis = column[:3] if kind == "prismatic" else column[3:]
         return Joint(
             name=name,
@@ -140,17 +140,12 @@ class Tree:
             child=child,
             lower=-math.inf if endless else scalar(limit, "lower"),
             upper=math.inf if endless else scalar(limit, "upper"),
-            follows=None
-            if mimic is None
-            else Follows(
-                mimic.get("joint", ""), scalar(mimic, "multiplier", 1.0), scalar(mimic, "offset")
-            ),
+            follows=follows,
             centre=self.position[child],
             axis=np.array(axis),
         )
 
     def joint(self, name: str) -> Joint | None:
-        """The movable joint of that name."""
         return next((joint for joint in self.movable if joint.name == name), None)
 
     def chain(self, link: str) -> list[Joint]:
@@ -237,13 +232,9 @@ def virtual_joints(tree: Tree) -> list[Joint]:
 
 
 class Chain:
-    """Kinematics of some joints on the way to a tip, for many postures at once.
+    """Kinematics of the joints that move a tip, in order, for many postures at once.
 
-    Args:
-        tree: The robot.
-        joints: Those that move, in order.
-        tip: A link.
-        held: Where other joints are held (m, rad); at zero if they are not in it.
+    The others are where ``held`` says (m, rad), or at zero.
     """
 
     def __init__(
@@ -260,20 +251,17 @@ class Chain:
         self._sliding = np.array([joint.prismatic for joint in joints])[:, None]
 
     def places(self, q: Array) -> tuple[Array, Array, Array]:
-        """Places of the joints and the tip.
-
-        Args:
-            q: Postures (m, rad), shape (m, n).
+        """Places for postures q (m, rad), shape (m, n), in the root's frame (m).
 
         Returns:
             Origins of the joints (of slides: where they start), shape (m, n, 3); their axes, shape
-            (m, n, 3); the tip, (m, 3). All in the root's frame (m).
+            (m, n, 3); the tip, shape (m, 3).
         """
         model, data = self._model, self._data
         centres, axes = np.empty((2, *q.shape, 3))
         tip = np.empty((len(q), 3))
         for k, posture in enumerate(q):
-            jacobian = pin.computeJointJacobians(model, data, posture).T
+            jacobian = np.reshape(pin.computeJointJacobians(model, data, posture), (6, -1)).T
             axes[k] = np.where(self._sliding, jacobian[:, :3], jacobian[:, 3:])
             centres[k] = [data.oMi[i].translation for i in range(1, model.njoints)]
             tip[k] = pin.updateFramePlacement(model, data, self._tip).translation
@@ -286,13 +274,7 @@ class Chain:
 
 
 def held(tree: Tree, names: Iterable[str], rest: Mapping[str, float]) -> dict[str, Inferred]:
-    """Positions of held joints that are not held at zero (m, rad), by name.
-
-    Args:
-        tree: The robot.
-        names: The joints that do not move.
-        rest: Where the others rest; zero if they are not in it.
-    """
+    """Positions of held joints that are not held at zero (m, rad), by name; ``rest`` has the others'."""
     wanted = set(names) - rest.keys()
     found = {j.name: _held_at(tree, j, rest, frozenset()) for j in tree.movable if j.name in wanted}
     return {name: finding for name, finding in found.items() if finding.value != 0.0}
@@ -316,13 +298,7 @@ def _held_at(tree: Tree, joint: Joint, rest: Mapping[str, float], seen: frozense
 
 
 def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:
-    """Messages about the motion that is lost since mimic joints on the way to a tip are held.
-
-    Args:
-        tree: The robot.
-        tip: A link.
-        ignored: Joints that are the platform's.
-    """
+    """Messages about the motion that is lost since mimic joints on the way to a tip are held."""
     groups: dict[str, list[tuple[Joint, float]]] = {}
     for joint in tree.chain(tip):
         if (follows := joint.follows) is not None and joint.name not in ignored:

@@ -73,6 +73,12 @@ class Rolling:
         said = self.collision or self.visual
         return None if said is None else float(said.value)
 
+    @property
+    def joints(self) -> list[Joint]:
+        """All joints about it."""
+        turning = [j for j in (self.swivel, self.steering) if j is not None]
+        return [self.joint, *turning, *self.suspension, *self.rollers]
+
     @cached_property
     def across(self) -> Array:
         """Its axis in the ground plane, towards the root's +y (or +x), shape (2,)."""
@@ -97,9 +103,7 @@ class Rolling:
 def rolling_wheels(tree: Tree, ignored: set[str]) -> list[Rolling]:
     """All wheels on the ground, in the file's order: driven ones, steered ones and casters.
 
-    Args:
-        tree: The robot.
-        ignored: Joints that count as fixed, such as virtual ones in front of the base.
+    The ignored joints, such as virtual ones in front of the base, count as fixed.
     """
     found = []
     for joint in tree.movable:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from glob import escape
 from itertools import islice
 from pathlib import Path
 from typing import Any
+
+import tomlkit
+from tomlkit import TOMLDocument
+from tomlkit.items import Array, Table
 
 from mobman.errors import SpecError, UsageError
 from mobman.input_file import read_input
@@ -72,13 +75,8 @@ _COUPLINGS = (
 
 
 def choose_name(wanted: str | None, output: Path | None, inside: str, urdf: Path) -> str:
-    """A name for a robot.
-
-    Args:
-        wanted: The user's, if there is one.
-        output: The TOML that the user wants written, whose name comes first; None: in the catalogue.
-        inside: The name in the URDF.
-        urdf: The URDF, whose name comes before that inside, unless it says nothing.
+    """A name for a robot: the wanted one, or by the output file (None: in the catalogue), the URDF's
+    file, unless that says nothing, or the name inside the URDF.
 
     Raises:
         UsageError: If the user's cannot be one, or nothing gives one.
@@ -101,89 +99,87 @@ def choose_name(wanted: str | None, output: Path | None, inside: str, urdf: Path
 
 
 def robot_toml(found: Inference, name: str, source: UrdfSource) -> str:
-    """The text of a robot's TOML.
-
-    Args:
-        found: What is known of the robot.
-        name: Its name.
-        source: Where its URDF is.
-    """
+    """The text of a robot's TOML."""
     path, drive, arm, standard = found.urdf.path, found.platform, found.arm, CriterionSource()
-    kind = drive.type.value
+    kind, joints = drive.type.value, f"{len(arm.joints)} joints"
     place = source.path if source.package is None else f"{source.package}, {source.path}"
     origin = f"{place}, robot {found.robot_name!r} of the URDF"
-    joints = f"{len(arm.joints)} joints"
-    lines = [
-        *_comment(_ABOUT.format(path.name)),
-        *(line for doubt in found.uncertain for line in _comment(f"UNCERTAIN: {doubt}.")),
-        "schema = 1",
-        _entry("name", name),
-        _entry("description", f"{found.robot_name or path.stem}: {kind} platform, arm of {joints}"),
-        _entry("source", "; ".join([origin, *_header(path)])),
-        _entry("license", licence(path)),
-        _entry("tags", [kind]),
-        *("", "[urdf]"),
-    ]
-    if source.package is not None:
-        lines.append(_entry("package", source.package))
-    lines.append(_entry("path", source.path))
-    if source.packages:
-        lines.append(_entry("packages", source.packages, "where package://NAME/... is"))
+    toml = tomlkit.document()
+    _say(toml, _ABOUT.format(path.name), *(f"UNCERTAIN: {doubt}." for doubt in found.uncertain))
+    toml["schema"], toml["name"] = 1, name
+    toml["description"] = f"{found.robot_name or path.stem}: {kind} platform, arm of {joints}"
+    toml["source"] = "; ".join([origin, *_header(path)])
+    toml["license"], toml["tags"] = licence(path), [kind]
+    named = {"package": Inferred(source.package), "path": Inferred(source.path)}
+    named["packages"] = Inferred(source.packages, "where package://NAME/... is")
+    urdf = _table(toml, "urdf", {key: said for key, said in named.items() if said.value})
     if found.locks:
-        rows = []
-        for lock in found.locks:
-            first, *others = [f"    {_value(p)}," for p in patterns(lock.joints, found.joints)]
-            rows += [f"{first} # {_clean(lock.why)}", *others]
-        lines += ["lock = [", *rows, "]"]
-    lines += ["", "[platform]"]
-    lines += _entries({"type": drive.type, **found.fields})
+        urdf["lock"] = _rows(
+            (pattern, "" if i else lock.why)
+            for lock in found.locks
+            for i, pattern in enumerate(patterns(lock.joints, found.joints))
+        )
+    platform = _table(toml, "platform", {"type": drive.type, **found.fields})
     if drive.rolling and (half := drive.half_track) is not None:
-        lines += _comment(f"half_track: half the distance of the wheels' centres is {half:.4f} m")
+        _say(platform, f"half_track: half the distance of the wheels' centres is {half:.4f} m")
     if drive.steering and drive.centre is not None:
         ahead = drive.steering[0].centre[:2] - drive.centre[:2]
         base = float(ahead @ drive.forward.direction)
-        lines += _comment(f"wheelbase: the steering is {base:.4f} m ahead of the rear axle")
-    lines += ["", f"[arm] # {joints}, reach {arm.reach:.2f} m", *_entries({"tip": arm.tip})]
-    lines += ["", *_comment(_REST), "[rest]", *_entries(found.rest)]
-    lines += ["", "[criterion] # K_F of (12)"]
-    lines.append(_entry("platform", standard.platform, "1/m^2, 1/rad^2"))
-    lines.append(_entry("default", standard.default, "1/rad^2"))
+        _say(platform, f"wheelbase: the steering is {base:.4f} m ahead of the rear axle")
+    _table(toml, "arm", {"tip": arm.tip}, beside=f"{joints}, reach {arm.reach:.2f} m")
+    _table(toml, "rest", found.rest, _REST)
+    weights = {
+        "platform": Inferred(standard.platform, "1/m^2, 1/rad^2"),
+        "default": Inferred(standard.default, "1/rad^2"),
+    }
+    criterion = _table(toml, "criterion", weights, beside="K_F of (12)")
     if found.couplings:
-        rows = [
-            f"    {{ {', '.join(_entry(key, value) for key, value in one)} }},"
-            for one in found.couplings
-        ]
-        lines += [*_comment(_COUPLINGS), "couplings = [", *rows, "]"]
+        _say(criterion, _COUPLINGS)
+        tables = [tomlkit.inline_table() for _ in found.couplings]
+        for table, coupling in zip(tables, found.couplings, strict=True):
+            table.update(coupling.model_dump())
+        criterion["couplings"] = _rows((table, "") for table in tables)
     if found.weights:
-        lines += [*_comment(_WEIGHTS), "[criterion.weights]", *_entries(found.weights)]
-    return "\n".join(lines) + "\n"
+        _table(criterion, "weights", found.weights, _WEIGHTS)
+    return tomlkit.dumps(toml)
 
 
-def _entries(findings: dict[str, Inferred]) -> list[str]:
-    return [_entry(key, finding.value, finding.why) for key, finding in findings.items()]
+def _table(
+    parent: Table | TOMLDocument,
+    name: str,
+    findings: Mapping[str, Inferred],
+    *about: str,
+    beside: str = "",
+) -> Table:
+    """A new table with values and, as comments, their reasons."""
+    table = tomlkit.table()
+    if beside:
+        table.comment(beside)
+    _say(table, *about)
+    for key, finding in findings.items():
+        table[key] = finding.value
+        if finding.why:
+            table[key].comment(_clean(finding.why))
+    parent[name] = table
+    return table
 
 
-def _entry(key: str, value: Any, why: str = "") -> str:
-    bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    line = f"{key if bare else _value(key)} = {_value(value)}"
-    return f"{line} # {_clean(why)}" if why else line
+def _rows(rows: Iterable[tuple[Any, str]]) -> Array:
+    """An array with a line, and a comment, for each of its values."""
+    array = tomlkit.array()
+    for value, why in rows:
+        array.add_line(value, comment=_clean(why))
+    array.add_line(indent="")
+    return array
 
 
-def _value(value: Any) -> str:
-    """A value in TOML; strings have JSON's escapes, which TOML's include."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, Sequence):
-        return f"[{', '.join(map(_value, value))}]"
-    return repr(float(value)) if isinstance(value, float) else str(value)
-
-
-def _comment(text: str) -> list[str]:
-    """A text as lines of comments."""
-    return textwrap.wrap(
-        _clean(text), _WIDTH, initial_indent="# ", subsequent_indent="# ",
-        break_long_words=False, break_on_hyphens=False,
-    )  # fmt: skip
+def _say(table: Table | TOMLDocument, *texts: str) -> None:
+    """Add texts as lines of comments."""
+    for text in texts:
+        for line in textwrap.wrap(
+            _clean(text), _WIDTH - 2, break_long_words=False, break_on_hyphens=False
+        ):
+            table.add(tomlkit.comment(line))
 
 
 def _clean(text: str) -> str:
@@ -192,12 +188,7 @@ def _clean(text: str) -> str:
 
 
 def patterns(wanted: Sequence[str], every: Iterable[str]) -> list[str]:
-    """Patterns that match exactly the wanted names, and names where none does.
-
-    Args:
-        wanted: Names to match, in the order in which the patterns are to come.
-        every: All names that there are.
-    """
+    """Patterns that match of every name exactly the wanted ones, in their order."""
     others = [name for name in every if name not in set(wanted)]
     left = list(dict.fromkeys(wanted))
     found: list[str] = []
@@ -226,12 +217,9 @@ def _candidates(name: str) -> list[str]:
 
 
 def urdf_source(urdf: Path, folder: Path | None, packages: Sequence[Path] = ()) -> UrdfSource:
-    """The ``[urdf]`` table of a file, without ``lock``.
+    """The ``[urdf]`` table of a file, without ``lock``, with folders that hold packages of meshes.
 
-    Args:
-        urdf: The file.
-        folder: Folder of the TOML, for a relative path where one is above the other; None: absolute.
-        packages: More folders with the packages of meshes.
+    Paths are relative to the TOML's folder where one is above the other, absolute if that is None.
     """
     urdf = urdf.resolve()
     named = [_path_from(path.resolve(), folder) for path in packages]

@@ -6,7 +6,7 @@ import copy
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -43,11 +43,8 @@ def tidy(robot: ET.Element, name: str) -> None:
     - a fixed joint has no axis, limit, dynamics or mimic, and a continuous one no lower and upper limit;
     - a ``<visual>`` or ``<collision>`` without a shape that URDFs know (``<capsule>``) is left out;
     - colours are in the ``<visual>`` elements that have them, since robots that are put together may
-      have two of one name; what is none (four numbers from 0 to 1) or was never defined is left out.
-
-    Args:
-        robot: The element; it is changed.
-        name: The robot's name, where the file gives none.
+      have two of one name; what is none (four numbers from 0 to 1) or was never defined is left out;
+    - the robot has the ``name``, where the file gives none.
     """
     robot.attrib.pop("version", None)
     robot.set("name", robot.get("name") or name)
@@ -114,49 +111,39 @@ def _has_look(material: ET.Element) -> bool:
     return texture is not None and bool(texture.get("filename"))
 
 
-@dataclass(frozen=True)
-class Mounted:
-    """A URDF and how it is mounted.
-
-    Attributes:
-        robot: Its ``<robot>`` element; it is changed by :func:`compose`.
-        mount: The place, and the prefix of its names.
-        where: What to call it in messages: the description and the field.
-    """
+class Mounted(NamedTuple):
+    """A URDF and how it is mounted."""
 
     robot: ET.Element
+    """Its ``<robot>`` element; it is changed by :func:`compose`."""
     mount: Mount
     where: str
+    """The description and the field, for messages."""
 
 
 def compose(platform: ET.Element, mounted: Sequence[Mounted]) -> ET.Element:
-    """One tree of a platform and what is mounted on it; frames and geometry come along.
-
-    Args:
-        platform: The platform's ``<robot>`` element, to which the others are added.
-        mounted: What is mounted, in this order.
+    """One tree: a platform's ``<robot>`` element, to which what is mounted is added, in this order.
 
     Raises:
         SpecError: If a parent link is not there, or two links or joints have one name.
     """
-    for part in mounted:
-        robot, mount = part.robot, part.mount
+    for robot, mount, where in mounted:
         _add_prefix(robot, mount.prefix)
         for kind in ("link", "joint"):
             there = {element.get("name") for element in platform.findall(kind)}
             added = {element.get("name") for element in robot.findall(kind)}
             if both := sorted(str(name) for name in there & added):
                 raise SpecError(
-                    f"{part.where}.prefix' is {mount.prefix!r}, and then the {kind}s "
+                    f"{where}.prefix' is {mount.prefix!r}, and then the {kind}s "
                     f"{', '.join(both[:5])} are there twice; choose another prefix"
                 )
         links = [link.get("name", "") for link in platform.findall("link")]
         if mount.parent not in links:
             raise SpecError(
-                f"{part.where}.parent' is {mount.parent!r}, which is no link of the platform; its "
+                f"{where}.parent' is {mount.parent!r}, which is not a link of the platform; its "
                 f"links: {', '.join(links)}"
             )
-        root = root_link(robot, part.where)
+        root = root_link(robot, where)
         joint = _joint(platform, f"mount/{root}", "fixed", mount.parent, root)
         ET.SubElement(joint, "origin", xyz=_text(mount.xyz), rpy=_text(mount.rpy))
         platform.extend([element for element in robot if element.tag not in _WITHOUT_EFFECT])
@@ -269,7 +256,6 @@ def root_link(robot: ET.Element, where: str) -> str:
 
 
 def _joint(robot: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
-    """A new joint of a robot."""
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)

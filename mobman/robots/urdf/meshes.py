@@ -60,49 +60,39 @@ class MeshReference:
 
 
 def mesh_paths(robot: ET.Element, urdf: UrdfFile) -> list[MeshReference]:
-    """Every mesh of a URDF and where it is, in the file's order; nothing is raised.
-
-    Args:
-        robot: The ``<robot>`` element.
-        urdf: Its file.
-    """
-    return [mesh for mesh, _ in _located(robot, MeshFinder(urdf))]
+    """Every mesh of a URDF and where it is, in the file's order; nothing is raised."""
+    return [mesh for mesh, _ in _located(robot, _MeshFinder(urdf))]
 
 
 def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
-    """Replace the file names of the meshes by absolute paths.
-
-    Args:
-        robot: The ``<robot>`` element; it is changed.
-        urdf: Its file.
+    """Replace the file names of a URDF's meshes by absolute paths.
 
     Raises:
         SpecError: If meshes are missing, outside the package that they are named by, or of a format
             that is not read; the message says which, where they were looked for, and what to do.
     """
-    finder = MeshFinder(urdf)
+    finder = _MeshFinder(urdf)
     located = list(_located(robot, finder))
-    wrong: dict[str, MeshReference] = {}
+    by_name: dict[str, MeshReference] = {}
     for mesh, _ in located:
-        if mesh.path is None:
-            wrong.setdefault(mesh.filename, mesh)
-    if wrong:
-        total = len({mesh.filename for mesh, _ in located})
+        by_name.setdefault(mesh.filename, mesh)
+    if wrong := [mesh for mesh in by_name.values() if mesh.path is None]:
         said = [
             f"{mesh.filename!r} (link {mesh.link!r}, {mesh.use}) {mesh.problem}"
-            for mesh in list(wrong.values())[:_TOLD]
+            for mesh in wrong[:_TOLD]
         ]
         more = f"; ... and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
         raise SpecError(
-            f"the URDF {urdf.path}: {len(wrong)} of {total} meshes cannot be used: {'; '.join(said)}"
-            f"{more}. Packages were looked for in {listed(map(str, finder.folders))}; more folders "
-            "can be named in field 'urdf.packages' (for a mount: 'mount.packages')"
+            f"the URDF {urdf.path}: {len(wrong)} of {len(by_name)} meshes cannot be used: "
+            f"{'; '.join(said)}{more}. Packages were looked for in "
+            f"{listed(map(str, finder.folders))}; more folders can be named in field "
+            "'urdf.packages' (for a mount: 'mount.packages')"
         )
     for mesh, element in located:
         element.set("filename", str(mesh.path))
 
 
-def _located(robot: ET.Element, finder: MeshFinder) -> Iterator[tuple[MeshReference, ET.Element]]:
+def _located(robot: ET.Element, finder: _MeshFinder) -> Iterator[tuple[MeshReference, ET.Element]]:
     locate = cache(finder.locate)
     for link in robot.findall("link"):
         for use in ("visual", "collision"):
@@ -111,19 +101,13 @@ def _located(robot: ET.Element, finder: MeshFinder) -> Iterator[tuple[MeshRefere
                 yield MeshReference(link.get("name", ""), use, name, *locate(name)), element
 
 
-class MeshFinder:
-    """Finds the files of a URDF's meshes.
+class _MeshFinder:
+    """Finds the files of a URDF's meshes, in its ``folders``.
 
     A package NAME is a folder of that name, or one whose ``package.xml`` says so. It is looked for in
     the folders that the description gives, the folders above the URDF, those of ``ROS_PACKAGE_PATH``
     (and the folders in these), and ``share`` of those of ``AMENT_PREFIX_PATH``, in this order; each of
     these folders may be the package itself.
-
-    Args:
-        urdf: The URDF.
-
-    Attributes:
-        folders: Where packages are looked for.
     """
 
     def __init__(self, urdf: UrdfFile) -> None:
@@ -156,10 +140,8 @@ class MeshFinder:
                 package, _, inner = rest.lstrip("/").partition("/")
                 return self._find_in_package(package, inner)
             if scheme != "file":
-                return (
-                    None,
-                    f"begins with {scheme}://; allowed: package://, model://, file://, a path",
-                )
+                allowed = "package://, model://, file://, a path"
+                return None, f"begins with {scheme}://; allowed: {allowed}"
             name = rest
         folders = [self._beside]
         if not os.path.isabs(name) and not _leads_out(name):
@@ -183,13 +165,9 @@ class MeshFinder:
         """The folders of a package, the first one preferred; none if it is not found."""
         if name in (".", ".."):
             return []
-        found: dict[Path, None] = {}
-        for folder in self.folders:
-            if _is_there(folder / name, folder=True):
-                found[folder / name] = None
-            if folder.name == name:
-                found[folder] = None
-        return list(found) or [f for f in self.folders if _declared_name(f) == name]
+        named = (place for folder in self.folders for place in (folder / name, folder))
+        found = [place for place in named if place.name == name and _is_there(place, folder=True)]
+        return list(dict.fromkeys(found)) or [f for f in self.folders if _declared_name(f) == name]
 
 
 def _leads_out(inner: str) -> bool:
@@ -254,9 +232,9 @@ def read_isolated(function: str, path: Path, *arguments: Any) -> Any:
     """The answer of a function that reads a mesh, in a process that a damaged file may crash.
 
     Args:
-        function: ``"module:name"``.
+        function: ``"module:name"``; it is called with the path and the other arguments.
         path: The file.
-        arguments: What it is called with, after the path.
+        arguments: What JSON holds.
 
     Raises:
         MeshError: If it cannot be read.
@@ -345,7 +323,7 @@ class MeshReader:
                     self._vertices[path] = found
                 else:
                     self.unreadable[path] = (
-                        f"the mesh {path} has {len(found)} vertices, or some that are no numbers"
+                        f"the mesh {path} has {len(found)} vertices, or some that are not finite"
                     )
             except MeshError as error:
                 self.unreadable[path] = " ".join(str(error).split())

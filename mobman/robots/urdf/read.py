@@ -65,17 +65,12 @@ class UrdfFile:
 
     @cached_property
     def content(self) -> bytes:
-        """The file's content as it was when first asked for: what the robot was made of.
-
-        Raises:
-            SpecError: If the file cannot be read.
-        """
+        """The file's content as it was when first asked for: what the robot was made of."""
         if self.kept is not None:
             return self.kept
         return read_input(self.path, "URDF", _MEGABYTES, "geometry belongs in meshes")
 
     def sha256(self) -> str:
-        """Hash of the file's content, hexadecimal."""
         return hashlib.sha256(self.content).hexdigest()
 
     def parse(self) -> ET.Element:
@@ -96,26 +91,22 @@ class UrdfFile:
             advice = f": it is {other}; convert it, or find the robot's URDF" if other else ""
             raise SpecError(f"{where} starts with <{robot.tag}>, not with <robot>{advice}")
 
-        def not_expanded(element: ET.Element, found: str) -> SpecError:
-            return SpecError(
-                f"{where}, line {lines[element]}: {found} is for xacro, which makes a URDF of it; run "
-                f"xacro first: xacro {self.path.name} > robot.urdf"
+        validation, macro = Validation(where, lines), next(_macros(robot), None)
+        without_links = robot.find("link") is None
+        if not (macro or without_links):
+            validation.check(robot)
+        if without_links or validation.found:  # or else a call of a macro does no harm
+            macro = macro or next(_calls(robot), None)
+        if macro is not None:
+            raise SpecError(
+                f"{where}, line {lines[macro[0]]}: {macro[1]} is for xacro, which makes a URDF of it; "
+                f"run xacro first: xacro {self.path.name} > robot.urdf"
             )
-
-        for element, found in _macros(robot):
-            raise not_expanded(element, found)
-        call = next((e for e in robot if e.tag.startswith(tuple(_prefixes(robot)))), None)
-        if call is not None and robot.find("link") is None:
-            raise not_expanded(call, f"<{call.tag}>")
-        if robot.find("link") is None:
+        if without_links:
             advice = ""
             if robot.find("group") is not None or robot.find("disable_collisions") is not None:
                 advice = ": it is an SRDF (MoveIt's groups and poses); give the robot's URDF"
             raise SpecError(f"{where} has no <link>{advice}")
-        validation = Validation(where, lines)
-        validation.check(robot)
-        if validation.found and call is not None:
-            raise not_expanded(call, f"<{call.tag}>")
         validation.raise_any()
         tidy(robot, self.path.stem)
         return robot
@@ -143,11 +134,7 @@ class UrdfSources:
 
 
 def urdf_sources(spec: RobotSpec) -> UrdfSources:
-    """The files that a description points at.
-
-    Raises:
-        SpecError: If one does not exist.
-    """
+    """The files that a description points at; a SpecError if one does not exist."""
     where = f"{spec.where}: field"
     named = [] if spec.urdf is None else [(f"{where} 'urdf", spec.urdf)]
     named += [(f"{where} 'mount[{i}]", mount) for i, mount in enumerate(spec.mount)]
@@ -155,16 +142,12 @@ def urdf_sources(spec: RobotSpec) -> UrdfSources:
 
 
 def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
-    """The file that a part of a description points at.
+    """The file that a part of a description points at; a SpecError if it does not exist.
 
     Args:
         source: The part.
         folder: What relative paths start from.
-        field: What to call the part in messages, such as ``"robot 'tiago': field 'urdf"``, without
-            the closing quote.
-
-    Raises:
-        SpecError: If it does not exist.
+        field: The part in messages, without the closing quote: ``"robot 'tiago': field 'urdf"``.
     """
     packages = [_resolved(folder / name, f"{field}.packages'") for name in source.packages]
     for package in packages:
@@ -189,7 +172,7 @@ def _resolved(path: Path, field: str) -> Path:
     try:
         return path.resolve()
     except (OSError, RuntimeError, ValueError) as error:
-        raise SpecError(f"{field}: {str(path)!r} is no path of a file: {error}") from error
+        raise SpecError(f"{field}: {str(path)!r} is not the path of a file: {error}") from error
 
 
 def _share_folder(field: str, package: str) -> Path:
@@ -224,6 +207,12 @@ def _macros(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
             yield from (
                 (element, repr(v)) for v in element.attrib.values() if "${" in v or "$(" in v
             )
+
+
+def _calls(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
+    """Calls of macros, which may be leftovers."""
+    prefixes = tuple(_prefixes(robot))
+    return ((element, f"<{element.tag}>") for element in robot if element.tag.startswith(prefixes))
 
 
 def _prefixes(robot: ET.Element) -> list[str]:

@@ -44,11 +44,7 @@ def vector(
 
 
 def placement(part: ET.Element) -> tuple[Array, Array]:
-    """Rotation (3, 3) and position (m), shape (3,), of what has an ``<origin>``; else the identity.
-
-    Args:
-        part: A joint, an ``<inertial>``, a ``<visual>`` or a ``<collision>``.
-    """
+    """Rotation (3, 3) and position (m), shape (3,), of what may have an ``<origin>``."""
     origin = part.find("origin")
     return np.array(pin.rpy.rpyToMatrix(vector(origin, "rpy"))), vector(origin, "xyz")
 
@@ -73,7 +69,7 @@ class Shape:
 
     @property
     def known(self) -> bool:
-        """True if it could be read; all else that it says takes that."""
+        """True if it could be read."""
         return len(self.points) > 0
 
     @property
@@ -89,25 +85,14 @@ class Shape:
         return float(np.max(self.points @ direction)) + self.radius * float(np.linalg.norm(across))
 
     def placed(self, rotation: Array, position: Array) -> Shape:
-        """The shape in another frame.
-
-        Args:
-            rotation: Orientation of the link's frame there, shape (3, 3).
-            position: Its origin there (m), shape (3,).
-        """
+        """The shape in another frame, in which the link's has this rotation and position (m)."""
         axis = None if self.axis is None else rotation @ self.axis
         points = self.points @ rotation.T + position
         return Shape(self.use, self.kind, points, self.radius, axis)
 
 
 def read_shapes(link: ET.Element, use: Use, vertices: Vertices) -> list[Shape]:
-    """The shapes of a link, in the file's order, those of missing meshes included.
-
-    Args:
-        link: The ``<link>`` element of a checked URDF.
-        use: Which of them.
-        vertices: Reads meshes.
-    """
+    """The shapes of a checked ``<link>``, in the file's order, those of missing meshes included."""
     found = []
     for part in link.findall(use):
         element = shape_of(part)
@@ -145,11 +130,7 @@ def bounds(shapes: Sequence[Shape]) -> tuple[Array, Array]:
 def extents(shapes: Sequence[Shape], point: Array, axis: Array, count: int) -> Array:
     """Reach of some shapes from an axis, in directions all around it (m), shape (count,).
 
-    Args:
-        shapes: In one frame.
-        point: A point of the axis there (m), shape (3,).
-        axis: Its direction there, a unit vector, shape (3,).
-        count: How many directions.
+    The axis is a unit vector through ``point`` (m) in the shapes' frame, shape (3,) each.
     """
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
@@ -160,13 +141,7 @@ def extents(shapes: Sequence[Shape], point: Array, axis: Array, count: int) -> A
 
 
 def radius_about(shape: Shape, centre: Array, axis: Array) -> float | None:
-    """The radius of a shape about an axis (m), if it is round about it; None if it is not.
-
-    Args:
-        shape: In any frame; not of a mesh that could not be read.
-        centre: A point of the axis there (m), shape (3,).
-        axis: Its direction there, a unit vector, shape (3,).
-    """
+    """The radius of a known shape about an axis as of :func:`extents` (m); None if it is not round."""
     if shape.kind == "mesh":
         return extent_about([shape], centre, axis)
     off = shape.centre - centre
@@ -178,10 +153,7 @@ def radius_about(shape: Shape, centre: Array, axis: Array) -> float | None:
 
 
 def extent_about(shapes: Sequence[Shape], centre: Array, axis: Array) -> float | None:
-    """The common reach of shapes from an axis (m), if it is the same all around; else None.
-
-    Arguments as for :func:`radius_about`.
-    """
+    """The common reach of shapes from an axis (m), if it is the same all around; else None."""
     support = extents(shapes, centre, axis, _DIRECTIONS)
     largest = float(support.max())
     return largest if largest > 0.0 and support.min() > _ROUND * largest else None

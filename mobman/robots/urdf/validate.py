@@ -150,10 +150,6 @@ def too_large(robot: ET.Element) -> str:
 class Validation:
     """Validation of a URDF that gathers all faults, so that they are reported at once.
 
-    Args:
-        where: What to call the file in messages.
-        lines: The line of each of its elements.
-
     Attributes:
         found: Lines, and what is wrong there.
     """
@@ -194,13 +190,12 @@ class Validation:
         self._check_tree(links, joints, link_names)
 
     def _add(self, element: ET.Element, text: str) -> None:
-        """Note a problem: the link or joint, the field, what was found, and what is allowed."""
         self.found.append((self._lines[element], text))
 
     def _near(self, name: str, names: Collection[str], otherwise: str = "") -> str:
         """The names that one may have been meant for, as the end of a message.
 
-        Of a file with many problems only the first few are told, and looking takes its time.
+        Of many problems only the first few are reported, and looking takes its time.
         """
         if len(self.found) >= 2 * _TOLD or len(names) > _LOOKED_THROUGH:
             return otherwise
@@ -225,22 +220,19 @@ class Validation:
         return set(first)
 
     def _check_numbers(self, element: ET.Element | None, owner: str) -> None:
-        """Note what is wrong with the numbers of an element."""
         if element is None:
             return
         for attribute, allowed in NUMBERS[element.tag].items():
             text = element.get(attribute)
+            fault = ""
             if text is None and allowed.required:
-                self._add(
-                    element, f"{owner}: <{element.tag}> has no {attribute!r}; allowed: {allowed}"
-                )
+                fault = f"has no {attribute!r}; allowed: {allowed}"
             elif text is not None and not allowed.allow(numbers(text)):
-                comma = any(_WITH_COMMA.fullmatch(part) for part in text.split())
-                self._add(
-                    element,
-                    f"{owner}: <{element.tag}> {attribute} is {_shown(text)}; allowed: {allowed}"
-                    + (", with a decimal point" if comma else ""),
-                )
+                fault = f"{attribute} is {_shown(text)}; allowed: {allowed}"
+                if any(_WITH_COMMA.fullmatch(part) for part in text.split()):
+                    fault += ", with a decimal point"
+            if fault:
+                self._add(element, f"{owner}: <{element.tag}> {fault}")
 
     def _check_link(self, link: ET.Element) -> None:
         owner = f"link {link.get('name', '')!r}"
@@ -256,20 +248,17 @@ class Validation:
                         "or leave out <inertial> for a link without mass",
                     )
                 self._check_numbers(element, owner)
-        for use in ("visual", "collision"):
-            for part in link.findall(use):
-                self._check_origin(part, f"{owner}: {use}")
-                self._check_shape(shape_of(part), f"{owner}: {use}")
-
-    def _check_shape(self, shape: ET.Element | None, owner: str) -> None:
-        self._check_numbers(shape, owner)
-        if shape is None or shape.tag != "mesh":
-            return
-        if not shape.get("filename", "").strip():
-            self._add(shape, f"{owner}: <mesh> has no 'filename'")
-        scale = shape.get("scale", "1 1 1")
-        if 0.0 in (numbers(scale) or []):
-            self._add(shape, f"{owner}: <mesh> scale is {_shown(scale)}; allowed: not 0")
+        for part in (*link.findall("visual"), *link.findall("collision")):
+            owner, shape = f"link {link.get('name', '')!r}: {part.tag}", shape_of(part)
+            self._check_origin(part, owner)
+            self._check_numbers(shape, owner)
+            if shape is None or shape.tag != "mesh":
+                continue
+            if not shape.get("filename", "").strip():
+                self._add(shape, f"{owner}: <mesh> has no 'filename'")
+            scale = shape.get("scale", "1 1 1")
+            if 0.0 in (numbers(scale) or []):
+                self._add(shape, f"{owner}: <mesh> scale is {_shown(scale)}; allowed: not 0")
 
     def _check_origin(self, element: ET.Element, owner: str) -> None:
         origin = element.find("origin")
@@ -298,8 +287,8 @@ class Validation:
         if axis is not None and numbers(xyz) == [0.0] * 3:
             self._add(
                 axis,
-                f"{owner}: <axis> xyz is {_shown(xyz)}, which is no direction; allowed: a vector that "
-                "is not 0",
+                f"{owner}: <axis> xyz is {_shown(xyz)}, which is not a direction; allowed: a vector "
+                "that is not 0",
             )
         self._check_limit(joint, kind, owner)
         self._check_numbers(joint.find("dynamics"), owner)
@@ -335,9 +324,7 @@ class Validation:
         self, links: Sequence[ET.Element], joints: Sequence[ET.Element], link_names: set[str]
     ) -> None:
         """Note what keeps the joints from making one tree of the links."""
-        before = len(self.found)
-        by_child: dict[str, ET.Element] = {}
-        parents: dict[str, str] = {}
+        before, by_child, parents = len(self.found), dict[str, ET.Element](), dict[str, str]()
         for joint in joints:
             parent = self._end(joint, "parent", link_names)
             child = self._end(joint, "child", link_names)

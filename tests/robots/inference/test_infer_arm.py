@@ -365,3 +365,13 @@ def test_a_tip_is_better_than_the_jaw_that_it_is_on(inferred):
     robot.joint("grip", "revolute", "gripper_jaw", "moving_jaw", (0.03, 0, 0), limits=(0, 1.5))
     robot.link("jaw_tip", mass=0).joint("tip_f", "fixed", "gripper_jaw", "jaw_tip", (0.1, 0, 0))
     assert inferred(robot).arm.tip.value == "jaw_tip"
+
+
+def test_an_arm_of_one_joint(inferred):
+    found = inferred(differential().arm(joints=1, tip="tool0"), platform="fixed", lock=("wheel_*",))
+    assert [joint.name for joint in found.arm.joints] == ["arm_1_joint"]
+
+
+def test_a_robot_of_one_joint(inferred):
+    robot = Robot().arm(joints=1, tip="tool0")
+    assert inferred(robot, platform="fixed").arm.reach == pytest.approx(0.1)

@@ -20,7 +20,7 @@ from made_urdf import (
     write_wheel_stl,
 )
 
-from mobman.robots.infer.findings import Undecided
+from mobman.robots.infer.findings import TYPES, Undecided
 
 
 def locked(found, why):
@@ -457,3 +457,26 @@ def test_an_arm_whose_yaw_axis_points_down(inferred, rpy, ratio):
     robot.joint("mounted", "fixed", "base_link", "mount", (0.15, 0, 0.5), rpy)
     found = inferred(robot.arm(parent="mount"))
     assert [(one.to, one.ratio) for one in found.couplings] == [("arm_1_joint", ratio)] * 2
+
+
+@pytest.mark.parametrize(
+    ("build", "like"),
+    [
+        (differential, "differential"),
+        (four_wheels, "skid-steer"),
+        (four_wheels, "omnidirectional"),
+        (car, "car-like"),
+        (four_wheels, "unicycle"),
+    ],
+)
+def test_a_type_of_the_users_is_found_by_its_fields(inferred, build, like):
+    """As the type that has the same ones."""
+    robot = build().arm(tip="tool0")
+    known = inferred(robot, platform=like)
+    found = inferred(robot, platform="mine", types={"mine": TYPES[like]})
+    assert found.platform.type.value == "mine"
+    assert found.fields == known.fields
+    assert found.platform.own == known.platform.own
+    # an order of the fields of its own
+    fields = inferred(robot, platform="mine", types={"mine": TYPES[like][::-1]}).fields
+    assert list(fields) == [name for name in TYPES[like][::-1] if name in known.fields]

@@ -13,7 +13,11 @@ from click.testing import CliRunner
 from made_urdf import Robot, car, differential, four_wheels, no_wheels, three_omni_wheels
 
 import mobman as mm
-from mobman.cli.robots_add import add
+from mobman.cli.robots_add import _TYPES, add
+from mobman.errors import UsageError
+from mobman.files import write_new
+from mobman.model.platforms.platform import platforms
+from mobman.model.platforms.unicycle import Unicycle
 from mobman.robots.catalogue import list_robots
 from mobman.robots.spec import UrdfSource
 from mobman.robots.urdf.read import urdf_file
@@ -153,6 +157,36 @@ def test_other_platforms(run, tmp_path, arguments):
     robot = mm.load_robot(tmp_path / "r.toml")
     assert robot.spec.platform.type == (arguments[1] if arguments else "skid-steer")
     assert robot.n == 6
+
+
+@pytest.fixture
+def own_type(monkeypatch):
+    """Platform types of the user's own: one that asks for what is found, one that does not."""
+
+    class Planar(Unicycle):
+        inferred = ("axle", "height")
+
+    class Unasked(Unicycle):
+        pass
+
+    monkeypatch.setattr(platforms, "_items", {"planar": Planar, "unasked": Unasked})
+    monkeypatch.delitem(vars(_TYPES), "fields", raising=False)
+    yield
+    vars(_TYPES).pop("fields", None)
+
+
+@pytest.mark.usefixtures("own_type")
+def test_a_registered_platform_type_is_offered_with_the_fields_that_it_asks_for(run, tmp_path):
+    urdf = four_wheels().arm(tip="tool0").write(tmp_path / "robot.urdf")
+    done = run(urdf, "-o", tmp_path / "r.toml", "--platform", "planar")
+    assert done.exit_code == 0, done.exception
+    given = tomllib.loads((tmp_path / "r.toml").read_text())
+    assert given["platform"] == {"type": "planar", "axle": [0.2, 0.0], "height": 0.05}
+    assert given["urdf"]["lock"] == ["*_wheel"]
+    assert "unicycle" in run("--help").output
+    assert "planar" in run("--help").output
+    assert "unasked" not in run("--help").output
+    assert run(urdf, "--platform", "custom").exit_code == 2
 
 
 @pytest.mark.parametrize(("build", "alpha"), [(car, 2), (three_omni_wheels, 3)])
@@ -440,3 +474,26 @@ def test_advice_about_options_only_where_they_can_help(run, tmp_path):
         "-o", tmp_path / "r.toml", "--heading", "1.0",
     )  # fmt: skip
     refused(result, "--right-wheel", "--heading")
+
+
+def without_links(*places):
+    raise PermissionError(1, "Operation not permitted")
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch, links):
+    if not links:
+        monkeypatch.setattr("os.link", without_links)
+    write_new(tmp_path / "new" / "a.toml", "one", False, "")
+    assert (tmp_path / "new" / "a.toml").read_text() == "one"
+    write_new(tmp_path / "new" / "a.toml", "two", True, "")
+    assert (tmp_path / "new" / "a.toml").read_text() == "two"
+    assert files(tmp_path) == ["new", "new/a.toml"]
+
+
+def test_a_file_that_came_up_meanwhile_is_kept(tmp_path):
+    (tmp_path / "a.toml").write_text("theirs")
+    with pytest.raises(UsageError, match=r"a\.toml is there already; add --force"):
+        write_new(tmp_path / "a.toml", "mine", False, "")
+    assert (tmp_path / "a.toml").read_text() == "theirs"
+    assert files(tmp_path) == ["a.toml"]
