@@ -283,6 +283,11 @@ class _Score:
         values = np.linalg.svd(jacobian, compute_uv=False)
         self._size = float(np.max(np.linalg.norm(tip - centres[:, 0], axis=1))) or 1.0
         self._rank = max(int(np.sum(values > _RANK * self._size, axis=1).max()), 1)
+        # joints that start in the body, such as a lift's, cannot but be there
+        self._outside = np.ones(len(low) + 1, dtype=bool)
+        if around.box is not None:
+            middle = chain.places(self._middle[None])[0][0]
+            self._outside[:-1] = ~((middle > around.box[0]) & (middle < around.box[1])).all(axis=1)
 
     def __call__(self, q: Array) -> Array:
         centres, axes, tip = self._chain.places(q)
@@ -311,11 +316,7 @@ class _Score:
         if around.box is not None:
             low, high = around.box
             points = np.concatenate([centres, tip[:, None]], axis=1)
-            # joints that start in the body, such as a lift's, cannot but be there
-            middle = self._chain.places(self._middle[None])[0][0]
-            own = ((middle > low) & (middle < high)).all(axis=1)
-            inside = ((points > low) & (points < high)).all(axis=2)
-            inside[:, :-1] &= ~own
+            inside = ((points > low) & (points < high)).all(axis=2) & self._outside
             factor = factor * np.where(inside.any(axis=1), 0.1, 1.0)
         return np.array(factor)
 
