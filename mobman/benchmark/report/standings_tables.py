@@ -95,7 +95,7 @@ def pairs_table(pairs: Sequence[Pair]) -> Table:
                     Entry(signed(found.effect_size)),
                     Entry(f"{success.only_a} / {success.only_b}"),
                     _p_entry(pair.success_p),
-                    text(_verdict(pair)),
+                    text(_verdict(pair, len(pairs))),
                 ],
             )
         )
@@ -229,8 +229,8 @@ def _p_entry(value: float) -> Entry:
     return Entry(p_value(value), "best" if value < SIGNIFICANT else "")
 
 
-def _verdict(pair: Pair) -> str:
-    """What the pair says of the errors, and of the solved cells where that is settled too."""
+def _verdict(pair: Pair, pairs: int) -> str:
+    """What one of so many pairs says of the errors, and of the solved cells if that is settled too."""
     found, success = pair.error, pair.success
     interval = found.median_difference
     if found.wins == found.losses == 0:
@@ -239,10 +239,10 @@ def _verdict(pair: Pair) -> str:
         words = "errors alike"
     elif pair.error_p < SIGNIFICANT:
         words = f"{pair.a if found.effect_size < 0 else pair.b} has the smaller error"
-    elif found.smallest_p >= SIGNIFICANT:
+    elif found.smallest_p * pairs >= SIGNIFICANT:  # no outcome passes the first step of Holm's method
         words = "too few cells to say"
     else:
-        words = "not told apart"
+        words = "not distinguished"
     if pair.success_p < SIGNIFICANT:
         more = pair.a if success.only_a > success.only_b else pair.b
         same = words.startswith(f"{more} has")

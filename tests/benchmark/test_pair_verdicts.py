@@ -1,0 +1,36 @@
+"""The verdict on two controllers, as one of several pairs."""
+
+from __future__ import annotations
+
+import pytest
+from support.reported import made_up_runs
+
+from mobman.benchmark.report.cells import groups_of
+from mobman.benchmark.report.leaderboard import leaderboard_of
+from mobman.benchmark.report.scores import field_of
+from mobman.benchmark.report.standings_tables import pairs_table
+
+
+def verdicts(errors, cells):
+    groups = groups_of(made_up_runs(errors, [f"scenario-{i}" for i in range(cells)]), [])
+    field = field_of(groups)
+    rows = pairs_table(leaderboard_of(field, groups).pairs).rows
+    return {row.head.text: row.entries[-1].text for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("labels", "cells", "verdict"),
+    [
+        (2, 8, "best has the smaller error"),  # 2^-7 = 0.008
+        (6, 8, "too few cells to say"),  # 15 2^-7 = 0.12
+        (6, 10, "best has the smaller error"),  # 15 2^-9 = 0.03
+    ],
+)
+def test_best_in_every_cell_by_seven_decades(labels, cells, verdict):
+    others = {f"other-{i}": 1e8 for i in range(labels - 1)}
+    found = verdicts({"best": 10.0, **others}, cells)
+    assert {text for pair, text in found.items() if "best" in pair} == {verdict}
+
+
+def test_equals_on_enough_cells_are_not_distinguished():
+    assert set(verdicts({"one": 1.0, "other": 1.0}, 24).values()) == {"not distinguished"}
