@@ -12,7 +12,7 @@ from mobman.arrays import Array
 from mobman.benchmark.report.cells import CellRuns
 from mobman.benchmark.report.content import ReportedRun, UnusedFile
 from mobman.benchmark.report.thinning import thin
-from mobman.benchmark.statistics.scale import FLOOR
+from mobman.benchmark.statistics import FLOOR
 from mobman.errors import RecordError
 
 

@@ -30,12 +30,12 @@ from mobman.benchmark.report.leaderboard import Leaderboard
 from mobman.benchmark.report.scores import Field, cell_error
 from mobman.benchmark.report.time_charts import SUCCESS
 from mobman.benchmark.statistics import (
+    FLOOR,
     Interval,
     median,
     performance_profile,
     score_profile,
 )
-from mobman.benchmark.statistics.scale import FLOOR
 
 _POINTS = 121  # of a profile
 EFFORTS = {

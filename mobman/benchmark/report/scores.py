@@ -11,7 +11,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.benchmark.report.cells import CellRuns, Group, unique
 from mobman.benchmark.report.content import ReportedRun
-from mobman.benchmark.statistics.scale import FLOOR
+from mobman.benchmark.statistics import FLOOR
 
 
 def worst_error(runs: Sequence[ReportedRun]) -> float:

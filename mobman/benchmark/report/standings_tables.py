@@ -239,7 +239,9 @@ def _verdict(pair: Pair, pairs: int) -> str:
         words = "errors alike"
     elif pair.error_p < SIGNIFICANT:
         words = f"{pair.a if found.effect_size < 0 else pair.b} has the smaller error"
-    elif found.smallest_p * pairs >= SIGNIFICANT:  # no outcome passes the first step of Holm's method
+    elif (
+        found.smallest_p * pairs >= SIGNIFICANT
+    ):  # no outcome passes the first step of Holm's method
         words = "too few cells to say"
     else:
         words = "not distinguished"

@@ -24,7 +24,7 @@ from mobman.benchmark.report.chart import (
 from mobman.benchmark.report.curves import CellCurves, MotorPart, RunCurves, Trace, largest
 from mobman.benchmark.report.format import ended
 from mobman.benchmark.report.style import motor_looks
-from mobman.benchmark.statistics.scale import FLOOR
+from mobman.benchmark.statistics import FLOOR
 from mobman.simulation.metrics import STEADY
 
 SUCCESS = 1e-4

@@ -1,34 +1,34 @@
-"""What samples of runs allow one to say: estimates with intervals, profiles, paired tests, ranks.
+"""Statistics of samples of runs: estimates with intervals, profiles, paired tests, ranks.
 
-Lower is better and inf is a failure throughout: it is scored as the worst, never dropped.
+Lower is better and inf is a failure throughout: it is scored as the worst, never dropped. Arguments
+that cannot be, such as NaN, are a :class:`mobman.errors.UsageError` that says what is allowed.
 """
 
-from mobman.benchmark.statistics.aggregates import interquartile_mean, median
-from mobman.benchmark.statistics.all_pairs import PairComparison, compare_all
-from mobman.benchmark.statistics.comparison import Comparison, compare
-from mobman.benchmark.statistics.correction import adjust
-from mobman.benchmark.statistics.interval import Interval
-from mobman.benchmark.statistics.performance_profiles import performance_profile
-from mobman.benchmark.statistics.proportions import proportion
-from mobman.benchmark.statistics.ranks import Rank, ranking
-from mobman.benchmark.statistics.score_profiles import ScoreProfile, score_profile
-from mobman.benchmark.statistics.successes import SuccessComparison, compare_successes
+from mobman.benchmark.statistics.comparisons import (
+    Comparison,
+    PairComparison,
+    Rank,
+    SuccessComparison,
+    adjust,
+    compare,
+    compare_all,
+    compare_successes,
+    ranking,
+)
+from mobman.benchmark.statistics.estimates import (
+    FLOOR,
+    Bootstrap,
+    Interval,
+    ScoreProfile,
+    interquartile_mean,
+    median,
+    performance_profile,
+    proportion,
+    score_profile,
+)
 
 __all__ = [
-    "Comparison",
-    "Interval",
-    "PairComparison",
-    "Rank",
-    "ScoreProfile",
-    "SuccessComparison",
-    "adjust",
-    "compare",
-    "compare_all",
-    "compare_successes",
-    "interquartile_mean",
-    "median",
-    "performance_profile",
-    "proportion",
-    "ranking",
-    "score_profile",
-]
+    "FLOOR", "Bootstrap", "Comparison", "Interval", "PairComparison", "Rank", "ScoreProfile",
+    "SuccessComparison", "adjust", "compare", "compare_all", "compare_successes",
+    "interquartile_mean", "median", "performance_profile", "proportion", "ranking", "score_profile",
+]  # fmt: skip

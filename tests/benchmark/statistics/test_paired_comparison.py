@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import rankdata, wilcoxon
 
 from mobman.benchmark.statistics import compare, compare_all
-from mobman.benchmark.statistics.signed_rank import evidence_below
+from mobman.benchmark.statistics.comparisons import evidence_below
 from mobman.errors import UsageError
 
 INF = np.inf
