@@ -150,7 +150,7 @@ def _run(
     summary: Summary,
     tell: Callable[[Event], None],
 ) -> None:
-    jobs = _jobs(todo, limit, place.dumps())
+    jobs = jobs_of(todo, limit, place.dumps())
     place.prepare(list({id(p): p for job in jobs for p in (job.robot, job.law, job.task)}.values()))
     for news in results(jobs, place):
         if not isinstance(news, tuple):
@@ -172,7 +172,7 @@ def _keep(run: RunSpec, result: Result, store: Store) -> None:
         store.keep(run, result.content)
 
 
-def _jobs(runs: Iterable[RunSpec], time_limit: float, dumps: Callable[[Any], bytes]) -> list[Job]:
+def jobs_of(runs: Iterable[RunSpec], time_limit: float, dumps: Callable[[Any], bytes]) -> list[Job]:
     """The runs with what their names mean here."""
     parcels: dict[tuple[str, str], Parcel] = {}
 

@@ -9,8 +9,6 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 
 from mobman.benchmark.expansion.expansion import number_of_runs, runs_of
-from mobman.benchmark.tuning.declaration import Tuning
-from mobman.benchmark.tuning.tuned_from import TunedFrom
 from mobman.resources import resource_folder
 from mobman.simulation.run_spec import RunSpec
 from mobman.toml_model import Strict, named_file, read_toml, validate
@@ -21,6 +19,87 @@ Grid = dict[str, Annotated[list[Any], Field(min_length=1)]]
 Positive = Annotated[float, Field(gt=0)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Names = Annotated[list[str], Field(min_length=1)]
+
+
+class SearchRange(Strict):
+    """From where to where tuning searches a gain, both ends included."""
+
+    low: float
+    high: float
+    log: bool = False
+    """True if its logarithm is searched: for gains whose order of magnitude matters."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.low < self.high:
+            raise ValueError(f"low = {self.low:g} must be below high = {self.high:g}")
+        if self.log and not self.low > 0.0:
+            raise ValueError(f"low = {self.low:g} must be above 0 where log = true")
+        return self
+
+    def rounded(self, value: float, digits: int = 4) -> float:
+        """The value with so many significant digits, and inside the range."""
+        return min(max(float(f"{value:.{digits}g}"), self.low), self.high)
+
+    def __contains__(self, value: object) -> bool:
+        return (
+            isinstance(value, (int, float))
+            and not isinstance(value, bool)
+            and self.low <= value <= self.high
+        )
+
+
+Space = dict[str, SearchRange]
+"""Ranges by gain."""
+
+
+class Tuning(Strict):
+    """The table ``[tuning]``: the budget, which is the same for each controller."""
+
+    trials: int = Field(30, ge=1, le=10_000)
+    """Sets of gains that are tried of each controller; the first is the suite's own."""
+    seeds: list[Seed] = Field([1000], min_length=1)
+    """Each is a run of each trial."""
+    robots: Names | None = None
+    """Those of the suite by default."""
+    tasks: Names | None = None
+    """Those of the suite by default; a robot does those that it does in the suite."""
+    scenarios: Names | None = None
+    """Names of ``definitions``, of the suite's scenarios or of mobman's; by default all of
+    ``definitions``, or mobman's own for tuning if there are none."""
+    definitions: dict[Label, dict[str, Any]] = {}
+    """Scenarios of the tuning alone, by label: a scenario's fields."""
+    duration: Positive | None = None
+    """Of each run (s); the suite's by default."""
+    dt: Positive | None = None
+    """Sampling period (s); by default that of the suite's first run of the robot and task."""
+    objective: str = "error"
+    """Name of the quantity that is minimized; see :mod:`mobman.benchmark.tuning.objective`."""
+    spaces: dict[str, Space] = {}
+    """Ranges by gain, by the controller's label, in the place of those of its law."""
+
+
+class TunedFrom(Strict):
+    """The origin of tuned gains.
+
+    An entry that names itself (``label`` is its own) was tuned in vain: no trial was better than its
+    own gains.
+    """
+
+    label: str
+    """The entry whose gains were tuned."""
+    trials: int = Field(ge=1)
+    """Sets of gains that were tried, the entry's own among them."""
+    trial: int = Field(ge=0)
+    """Number of the best of them; 0 is the entry's own."""
+    objective: str
+    """Name of the quantity that was minimized."""
+    score_default: float
+    """Of the entry's own gains, on the tuning set; less is better."""
+    score: float
+    """Of the best."""
+    space: Annotated[Space, Field(min_length=1)]
+    """The ranges that were searched, by gain."""
 
 
 class ControllerEntry(Strict):

@@ -27,9 +27,8 @@ from mobman.cli.output import (
 from mobman.printable import printable
 
 if TYPE_CHECKING:
-    from mobman.benchmark.tuning.batches import Step
-    from mobman.benchmark.tuning.result import TuningResult
-    from mobman.benchmark.tuning.tune import Plan
+    from mobman.benchmark.tuning.search import Step
+    from mobman.benchmark.tuning.tune import Plan, TuningResult
 
 
 @click.command("tune")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import uuid
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from mobman.benchmark.running.parcel import Parcel
 from mobman.simulation.run_spec import RunSpec
@@ -31,6 +32,8 @@ class Job:
     """mobman's, where the suite was started."""
     origin: tuple[str, int]
     """:func:`this_process` there."""
+    with_file: bool = True
+    """Whether the content of the record's file is sent back."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +46,19 @@ class Result:
     task_error: float
     """The record's metric task_error_max (m); NaN if there is no record."""
     content: bytes | None
-    """Of the record's file."""
+    """Of the record's file; None if there is no record, or the job is without."""
     again: bool = False
     """Whether it may well go better another time."""
+    fault: str = ""
+    """Of a failure: ``"gains"`` that the law refuses, or the ``"machine"``, if it is known."""
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    """The record's."""
+    end: float = 0.0
+    """Time of its last sample (s)."""
+    seconds: float = 0.0
+    """Wall time that it took."""
 
     @classmethod
-    def failure(cls, message: str, *, again: bool = False) -> Result:
+    def failure(cls, message: str, *, again: bool = False, fault: str = "") -> Result:
         """A result without a record."""
-        return cls("failed", message, float("nan"), None, again)
+        return cls("failed", message, float("nan"), None, again, fault)

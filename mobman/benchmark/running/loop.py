@@ -116,13 +116,16 @@ class _Loop:
                 yield from self._again(trial, reason, self._left if sure else self._suspects)
         else:
             if result.again:
-                yield from self._again(trial, result.message, self._left)
+                yield from self._again(trial, result.message, self._left, result.fault)
             else:
                 yield trial.job, result
 
-    def _again(self, trial: _Try, reason: str, where: deque[_Try]) -> Iterator[News]:
+    def _again(
+        self, trial: _Try, reason: str, where: deque[_Try], fault: str = ""
+    ) -> Iterator[News]:
         if trial.number == _TRIES:
-            yield trial.job, Result.failure(f"{reason}; tried {trial.number} times")
+            message = f"{reason}; tried {trial.number} times"
+            yield trial.job, Result.failure(message, fault=fault)
             return
         where.append(_Try(trial.job, trial.number + 1))
         yield Again(trial.job.run, reason)

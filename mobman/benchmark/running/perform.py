@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import threading
+import time
+from dataclasses import replace
 
 from mobman.benchmark.running.job import Job, Result, this_process
 from mobman.benchmark.running.loaded_robots import forget_robots, robot_of
@@ -12,6 +14,7 @@ from mobman.benchmark.running.preload import preload
 from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.running.time_limit import TimeLimitError, within
 from mobman.controllers.protocol import controllers, make_controller
+from mobman.errors import GainError
 from mobman.tasks.task import tasks
 from mobman.version import __version__
 
@@ -27,7 +30,9 @@ def perform(job: Job) -> Result:
     """
     # of this process: one that was forked from another meanwhile must not wait for that one's turn
     with _turns.setdefault(os.getpid(), threading.Lock()):
-        return _guarded(job)
+        started = time.perf_counter()
+        result = _guarded(job)
+        return replace(result, seconds=time.perf_counter() - started)
 
 
 def _guarded(job: Job) -> Result:
@@ -46,10 +51,12 @@ def _guarded(job: Job) -> Result:
             f"took longer than its time limit of {job.time_limit:g} s", again=True
         )
     except MemoryError:
-        result = Result.failure("ran out of memory", again=True)
+        result = Result.failure("ran out of memory", again=True, fault="machine")
     except BaseException as error:
         # a robot that does not load, a bug in a plugin, its sys.exit(): this run's matter alone
-        result = Result.failure(f"{type(error).__name__}: {error}")
+        fault = "gains" if isinstance(error, GainError) else ""
+        fault = "machine" if isinstance(error, OSError) else fault
+        result = Result.failure(f"{type(error).__name__}: {error}", fault=fault)
     forget_robots()
     return result
 
@@ -62,9 +69,14 @@ def _perform(job: Job) -> Result:
     tasks.register(run.task_name, task)
     robot = robot_of(job)
     record = simulated_run(run, robot, make_controller(run.law, **run.gains))
+    content = None
+    if job.with_file:
+        content = record.to_bytes(every=run.record_every, compression=run.compression)
     return Result(
         record.status,
         record.message,
         record.metrics.get("task_error_max", float("inf")),
-        record.to_bytes(every=run.record_every, compression=run.compression),
+        content,
+        metrics=record.metrics,
+        end=float(record.t[-1]),
     )

@@ -1,9 +1,9 @@
-"""What tuning makes small: the score of a run, and of a set of gains on all runs of the tuning set."""
+"""Objectives of tuning: the score of a run; that of a set of gains is the mean over the tuning set."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from mobman.registry import Registry
@@ -34,7 +34,7 @@ class Objective:
         Args:
             status: The record's, or another word if there is no record.
             metrics: By name.
-            fraction: How much of its duration the run lasted, 0 to 1.
+            fraction: The part of its duration that the run lasted, 0 to 1.
 
         Returns:
             At most :data:`CEILING` for a run that was completed, and more than that for any other:
@@ -44,11 +44,6 @@ class Objective:
             return CEILING * (2.0 - min(max(fraction, 0.0), 1.0))
         value = self.function(metrics)
         return min(value, CEILING) if not math.isnan(value) else CEILING
-
-
-def mean_score(scores: Sequence[float]) -> float:
-    """The score of a set of gains: the mean of its runs'."""
-    return math.fsum(scores) / len(scores)
 
 
 objectives: Registry[Objective] = Registry("tuning objective", "mobman.benchmark.tuning.objectives")

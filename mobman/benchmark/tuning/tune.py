@@ -6,27 +6,43 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from mobman.benchmark.tuning.batches import Batches, Step
-from mobman.benchmark.tuning.candidates import candidates
-from mobman.benchmark.tuning.declaration import Tuning
-from mobman.benchmark.tuning.disjoint import require_disjoint
-from mobman.benchmark.tuning.journal import Journal
-from mobman.benchmark.tuning.objective import Objective, objectives
-from mobman.benchmark.tuning.processes import local_processes
-from mobman.benchmark.tuning.proposals import require_extra, sampler_settings
-from mobman.benchmark.tuning.result import TuningResult, write_result
-from mobman.benchmark.tuning.search import Search
-from mobman.benchmark.tuning.search_range import Space
-from mobman.benchmark.tuning.tuning_set import tuning_runs
+from pydantic_core import to_json
+
+from mobman.benchmark.running.given import Given
+from mobman.benchmark.running.local import Local
+from mobman.benchmark.running.place import Place
+from mobman.benchmark.suite import Suite, TunedFrom, Tuning
+from mobman.benchmark.tuning.objective import objectives
+from mobman.benchmark.tuning.search import (
+    Search,
+    Step,
+    Trial,
+    journal,
+    require_extra,
+    sampler_settings,
+    steps,
+)
+from mobman.benchmark.tuning.tuning_set import (
+    SUFFIX,
+    candidates,
+    require_disjoint,
+    tuning_runs,
+)
+from mobman.controllers.protocol import gains_by_field
+from mobman.errors import MobmanError
+from mobman.files import temporary_beside
+from mobman.provenance import machine, versions
 from mobman.simulation.run_spec import RunSpec
+from mobman.toml_model import validate
 
-if TYPE_CHECKING:
-    from mobman.benchmark.suite import Suite
+_SCHEMA_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -34,7 +50,7 @@ class Plan:
     """What a tuning will do."""
 
     gains: Mapping[str, int]
-    """How many gains are tuned, by label."""
+    """Number of gains that are tuned, by label."""
     trials: int
     """Of each controller."""
     runs: int
@@ -48,6 +64,28 @@ class Plan:
     def total(self) -> int:
         """Runs of all trials of all controllers."""
         return len(self.gains) * self.trials * self.runs
+
+
+@dataclass(frozen=True)
+class TuningResult:
+    """The outcome of a tuning."""
+
+    json_file: Path
+    """Everything: the budget, the spaces, all trials."""
+    suite_file: Path
+    """The suite with the tuned gains in addition to its own."""
+    suite: Suite
+    """The same."""
+    trials: Mapping[str, Sequence[Trial]]
+    """By label."""
+    left_out: Mapping[str, str]
+    """The reason why a controller was not tuned, by label."""
+    seconds: float
+    """Wall time of this call."""
+
+    def best(self, label: str) -> Trial:
+        """A controller's best trial; trial 0 if no gains were better than its own."""
+        return _best(self.trials[label])
 
 
 def tune_suite(
@@ -72,9 +110,9 @@ def tune_suite(
         folder: Where the results are kept; trials that are there are not done again.
         trials: In the place of the suite's.
         controllers: Labels; all that have a search space by default.
-        executor: What evaluates the runs; processes of this machine by default.
-        workers: How many of these.
-        fresh: Begin anew.
+        executor: What does the runs; processes of this machine by default.
+        workers: Number of these.
+        fresh: Begin again.
         on_start: Called once everything is checked.
         on_step: Called after each run that was done.
 
@@ -83,57 +121,79 @@ def tune_suite(
             run that is reported.
         MobmanError: If the extra ``tune`` is not installed, the folder holds something else or cannot be
             written, or the suite's own gains of a controller cannot be run at all.
+        OSError: If this machine, and no gains, made a run fail.
     """
-    started = time.monotonic()
+    started, folder = time.monotonic(), Path(folder)
     require_extra()
     tuning = suite.tuning or Tuning()
     if trials is not None:
         tuning = Tuning.model_validate({**tuning.model_dump(), "trials": trials})
     suite = suite.model_copy(update={"tuning": tuning})
     objective = objectives.get(tuning.objective)
-    chosen = candidates(suite, controllers)
-    searches = _searches(suite, chosen.spaces, objective)
-    problems = {label: search.problem for label, search in searches.items()}
-    journal = Journal(Path(folder), problems, fresh=fresh)
-    if on_start is not None:
-        on_start(_plan(searches, tuning, journal))
-    processes: AbstractContextManager[Executor] = (
-        local_processes(workers) if executor is None else nullcontext(executor)
-    )
-    with processes as pool:
-        done = Batches(searches, journal, pool, suite.time_limit, on_step).trials(tuning.trials)
-    return write_result(
-        suite,
-        _resolved(tuning, next(iter(searches.values())).runs),
-        Path(folder),
-        searches,
-        done,
-        left_out=chosen.left_out,
-        sampler=sampler_settings(),
-        seconds=time.monotonic() - started,
-        workers=workers if executor is None else None,
-    )
-
-
-def _searches(suite: Suite, spaces: Mapping[str, Space], objective: Objective) -> dict[str, Search]:
-    """What is searched for each controller, on runs of which none is reported."""
+    spaces, left_out = candidates(suite, controllers)
     reported = suite.runs()
-    runs = tuning_runs(suite, list(spaces), reported)
-    require_disjoint(next(iter(runs.values())), reported)
-    return {label: Search(label, space, runs[label], objective) for label, space in spaces.items()}
-
-
-def _plan(searches: Mapping[str, Search], tuning: Tuning, journal: Journal) -> Plan:
-    runs = next(iter(searches.values())).runs
+    sets = tuning_runs(suite, list(spaces), reported)
+    runs = next(iter(sets.values()))
+    require_disjoint(runs, reported)
+    path = folder / "trials.jsonl"
+    storage = journal(path, fresh=fresh)
+    searches = {k: Search(k, own, sets[k], objective, storage, path) for k, own in spaces.items()}
     numbers = range(tuning.trials)
-    done = sum(journal.get(label, number) is not None for label in searches for number in numbers)
-    return Plan(
-        gains={label: len(search.space) for label, search in searches.items()},
-        trials=tuning.trials,
-        runs=len(runs),
-        seconds=sum(run.duration for run in runs),
-        done=done,
-    )
+    if on_start is not None:
+        counts = {label: len(space) for label, space in spaces.items()}
+        done = sum(number in search.done for search in searches.values() for number in numbers)
+        seconds = sum(run.duration for run in runs)
+        on_start(Plan(counts, tuning.trials, len(runs), seconds, done))
+    limit = suite.time_limit
+    place: AbstractContextManager[Place]
+    place = Local(workers, limit) if executor is None else Given(executor)
+    with place as opened:
+        for step in steps(list(searches.values()), tuning.trials, opened, limit):
+            if on_step is not None:
+                on_step(step)
+    found = {label: [own.done[number] for number in numbers] for label, own in searches.items()}
+    best = {label: _best(own) for label, own in found.items()}
+    tuning = _resolved(tuning, runs)
+    origins = {
+        label: TunedFrom(
+            label=label,
+            trials=len(own),
+            trial=best[label].number,
+            objective=objective.name,
+            score_default=own[0].score,
+            score=best[label].score,
+            space=spaces[label],
+        )
+        for label, own in found.items()
+    }
+    gains = {label: trial.gains for label, trial in best.items()}
+    written = tuned_suite(suite, tuning, origins, gains)
+    seconds = time.monotonic() - started
+    files = folder / "tuning.json", folder / f"{written.name}.toml"
+    result = TuningResult(*files, written, found, left_out, seconds)
+    content = {
+        "schema_version": _SCHEMA_VERSION,
+        "suite": suite.name,
+        "tuning": tuning.model_dump(mode="json"),
+        "objective": objective.formula,
+        "sampler": sampler_settings(),
+        "controllers": {label: _entry(searches[label], own) for label, own in found.items()},
+        "not_tuned": dict(left_out),
+        "versions": versions(),
+        "machine": {**machine(), "cores": os.cpu_count()},
+        "workers": workers if executor is None else None,
+        "seconds": seconds,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    # numbers that JSON has no word for (inf, NaN) are null
+    _write(result.json_file, to_json(content, indent=1, inf_nan_mode="null", fallback=str) + b"\n")
+    _write(result.suite_file, _toml(written))
+    return result
+
+
+def _best(trials: Sequence[Trial]) -> Trial:
+    """The one with the least score; of equals, the first."""
+    return min(trials, key=lambda trial: (trial.score, trial.number))
 
 
 def _resolved(tuning: Tuning, runs: Sequence[RunSpec]) -> Tuning:
@@ -151,3 +211,122 @@ def _resolved(tuning: Tuning, runs: Sequence[RunSpec]) -> Tuning:
             "duration": runs[0].duration,
         }
     )
+
+
+def tuned_suite(
+    suite: Suite,
+    tuning: Tuning,
+    found: Mapping[str, TunedFrom],
+    gains: Mapping[str, Mapping[str, float]],
+) -> Suite:
+    """A suite with the entries of another one, and ``LABEL-tuned`` in addition to each that gained.
+
+    Gains that a group or an override has for a label hold for its tuned one, too, but for those that
+    were tuned: an override of its own, the last, says these again where it must.
+
+    Args:
+        suite: The suite that was tuned.
+        tuning: The budget, with all that it was spent on.
+        found: The outcome, by label.
+        gains: The tuned ones by label; none where nothing better was found.
+    """
+    content = suite.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    better = {label: dict(own) for label, own in gains.items() if own}
+    entries: dict[str, Any] = {}
+    for label, entry in content["controllers"].items():
+        origin = found[label].model_dump(mode="json") if label in found else None
+        entries[label] = entry if label in better or origin is None else {**entry, "tuned": origin}
+        if label in better:
+            own = {**gains_by_field(entry["law"], entry.get("gains", {})), **better[label]}
+            entries[label + SUFFIX] = {"law": entry["law"], "gains": own, "tuned": origin}
+    overrides = content.get("overrides", [])
+    elsewhere: dict[str, set[str]] = {label: set() for label in better}
+    """Gains that groups and overrides have, by label."""
+    for place in [*content["groups"], *(override["where"] for override in overrides)]:
+        if "controllers" in place:
+            place["controllers"] = _with_tuned(suite, place["controllers"], better)
+    for label in better:
+        law = suite.controllers[label].law
+        for group in content["groups"]:
+            if own := group.get("gains", {}).get(label):
+                group["gains"][label + SUFFIX] = own
+                elsewhere[label] |= gains_by_field(law, own).keys()
+        for override in overrides:
+            if _fits(label, override["where"].get("controllers", ["*"])):
+                elsewhere[label] |= gains_by_field(law, override.get("gains", {})).keys()
+    overrides = [
+        *overrides,
+        *(
+            {"where": {"controllers": [label + SUFFIX]}, "gains": own}
+            for label, own in better.items()
+            if own.keys() & elsewhere[label]
+        ),
+    ]
+    written = {
+        **content,
+        "name": f"{suite.name}{SUFFIX}",
+        "controllers": entries,
+        **({"overrides": overrides} if overrides else {}),
+        "tuning": tuning.model_dump(mode="json", exclude_none=True),
+    }
+    return validate(Suite, _given(written), f"suite {written['name']!r}")
+
+
+def _given(value: Any) -> Any:
+    """A value without what is None, for which TOML has no word: it is the default."""
+    if isinstance(value, dict):
+        return {key: _given(item) for key, item in value.items() if item is not None}
+    return [_given(item) for item in value] if isinstance(value, list) else value
+
+
+def _with_tuned(suite: Suite, patterns: Sequence[str], better: Mapping[str, Any]) -> list[str]:
+    """Patterns, and the tuned labels of those that they fit, and of no others."""
+    tuned = {label: label + SUFFIX for label in better}
+    if any(_fits(name, patterns) and not _fits(label, patterns) for label, name in tuned.items()):
+        named = [label for label in suite.controllers if _fits(label, patterns)]
+        # and those that fit no label, but members of one that has a grid
+        grids = [p for p in patterns if not any(_fits(label, [p]) for label in suite.controllers)]
+        patterns = [*named, *grids]
+    own = [name for label, name in tuned.items() if _fits(label, patterns)]
+    return [*patterns, *(name for name in own if not _fits(name, patterns))]
+
+
+def _fits(label: str, patterns: Sequence[str]) -> bool:
+    return any(fnmatchcase(label, pattern) for pattern in patterns)
+
+
+def _entry(search: Search, trials: Sequence[Trial]) -> dict[str, Any]:
+    """A controller in ``tuning.json``."""
+    best = _best(trials)
+    return {
+        "law": search.runs[0].law,
+        "space": {name: own.model_dump() for name, own in search.space.items()},
+        "default": search.default,
+        "problem": search.problem,
+        "runs": [replace(run, settings={}).as_dict() for run in search.runs],
+        "score_default": trials[0].score,
+        "score": best.score,
+        "trial": best.number,
+        "gains": best.gains,
+        "simulated_runs": sum(len(trial.runs) for trial in trials),
+        "evaluation_seconds": sum(run.seconds for trial in trials for run in trial.runs),
+        "trials": [trial.as_dict() for trial in trials],
+    }
+
+
+def _toml(suite: Suite) -> bytes:
+    import tomli_w
+
+    content = suite.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    head = "# Written by mobman bench tune; tuning.json next to it has every trial.\n"
+    return (head + tomli_w.dumps(content)).encode()
+
+
+def _write(path: Path, content: bytes) -> None:
+    temporary = temporary_beside(path)
+    try:
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise MobmanError(f"cannot write {path}: {error.strerror}") from error

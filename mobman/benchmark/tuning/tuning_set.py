@@ -1,22 +1,116 @@
-"""The tuning set: which runs a trial consists of, for each controller the same."""
+"""The controllers that are tuned, with their search spaces, and the tuning set of runs."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
-from mobman.benchmark.tuning.declaration import Tuning
-from mobman.errors import SpecError
+from pydantic import RootModel
+
+from mobman.benchmark.running.simulated_run import simulated_run
+from mobman.benchmark.suite import Space, Suite, Tuning
+from mobman.controllers.protocol import controllers, gains_by_field, make_controller
+from mobman.errors import SpecError, UnknownNameError, UsageError
+from mobman.model.build import load_robot
 from mobman.simulation.run_spec import RunSpec
 from mobman.toml_model import read_toml, validate
 
-if TYPE_CHECKING:
-    from mobman.benchmark.suite import Suite
+SUFFIX = "-tuned"
+"""End of the label of tuned gains."""
 
-Pair = tuple[str, str]
-"""A robot and a task of its."""
+
+class Candidates(NamedTuple):
+    """The controllers of a suite, as far as tuning goes."""
+
+    spaces: Mapping[str, Space]
+    """Of those that are tuned, by label."""
+    left_out: Mapping[str, str]
+    """The reason why the others are not, by label."""
+
+
+def candidates(suite: Suite, asked: Sequence[str] | None = None) -> Candidates:
+    """The controllers of a suite that can be tuned.
+
+    Args:
+        suite: The suite.
+        asked: Labels; all by default.
+
+    Raises:
+        UnknownNameError: If a label is not there.
+        SpecError: If one that is asked for cannot be tuned, none can, or a space is not valid.
+    """
+    tuning = suite.tuning or Tuning()
+    for label in [*(asked or []), *tuning.spaces]:
+        if label not in suite.controllers:
+            raise UnknownNameError("label of the suite", label, suite.controllers)
+    spaces: dict[str, Space] = {}
+    left_out: dict[str, str] = {}
+    for label in dict.fromkeys(asked or suite.controllers):
+        entry = suite.controllers[label]
+        if entry.tuned is not None:
+            left_out[label] = "is tuned already"
+        elif entry.grid:
+            left_out[label] = (
+                "stands for several controllers, by its grid; give those to tune labels of their own"
+            )
+        elif label + SUFFIX in suite.controllers:
+            left_out[label] = f"has been tuned: there is {label + SUFFIX!r}"
+        elif label in tuning.spaces:
+            spaces[label] = _checked(entry.law, tuning.spaces[label], f"tuning.spaces.{label}")
+        elif (space := law_space(entry.law)) is not None:
+            spaces[label] = space
+        else:
+            left_out[label] = (
+                f"has no search space: none is declared for its law {entry.law!r}; give one in the "
+                f"suite, such as [tuning.spaces.{label}] "
+                "GAIN = { low = 1.0, high = 100.0, log = true }"
+            )
+    if left_out and (asked or not spaces):
+        raise SpecError("cannot tune " + "; ".join(f"{k!r} {why}" for k, why in left_out.items()))
+    return Candidates(spaces, left_out)
+
+
+class _Declared(RootModel[Space]):
+    """A space as a file has it."""
+
+
+def law_space(law: str) -> Space | None:
+    """The space that is declared for a law: ``spaces/LAW.toml``, or its attribute ``search_space``.
+
+    Args:
+        law: Name of a controller.
+
+    Returns:
+        Ranges by gain; None if nothing is declared.
+
+    Raises:
+        SpecError: If the declaration is not valid.
+    """
+    declared = getattr(controllers.get(law), "search_space", None)
+    where = f"search_space of the controller {law!r}"
+    if declared is None:
+        files = {path.stem: path for path in (Path(__file__).parent / "spaces").glob("*.toml")}
+        if law not in files:
+            return None
+        where = str(files[law])
+        declared = read_toml(files[law], "search space")
+    return _checked(law, validate(_Declared, declared, where).root, where)
+
+
+def _checked(law: str, space: Space, where: str) -> Space:
+    """A space by the names of the gains' fields."""
+    if not space:
+        raise SpecError(
+            f"{where} has no gain; give at least one, such as K_p = {{ low, high, log }}"
+        )
+    try:
+        return gains_by_field(law, space)
+    except UsageError as error:
+        raise SpecError(f"{where}: {error}") from error
 
 
 def tuning_runs(
@@ -34,65 +128,54 @@ def tuning_runs(
         SpecError: With everything that is wrong with the tuning set.
     """
     tuning = suite.tuning or Tuning()
-    pairs = _pairs(tuning, reported)
+    content = suite.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    scenarios = content.get("scenarios", {})
+    if twice := sorted(scenarios.keys() & tuning.definitions.keys()):
+        raise SpecError(f"tuning.definitions: {twice[0]!r} is a scenario of the suite, too")
+    names = tuning.scenarios or list(tuning.definitions)
+    shipped = {} if names else own_scenarios()
     groups = []
-    for robot, task in pairs:
+    for robot, task in _pairs(tuning, reported):
         known = [run for run in reported if (run.robot, run.task) == (robot, task)]
         gains = {
             label: next((run.gains for run in known if run.label == label), {}) for label in labels
         }
-        group: dict[str, Any] = {"robots": [robot], "tasks": [task], "gains": gains}
-        if tuning.dt is None and known:
-            group["dt"] = known[0].dt
-        groups.append({**group, "scenarios": tuning_scenarios(tuning)})
-    content = suite.model_dump(mode="json", by_alias=True, exclude_unset=True)
-    period = {} if tuning.dt is None else {"dt": tuning.dt}
+        group = {"robots": [robot], "tasks": [task], "scenarios": names or list(shipped)}
+        period = {"dt": known[0].dt} if tuning.dt is None and known else {}
+        groups.append({**group, "gains": gains, **period})
     derived: dict[str, Any] = {
         **{key: content[key] for key in ("schema", "dt", "tasks") if key in content},
-        **period,
+        **({} if tuning.dt is None else {"dt": tuning.dt}),
         "name": suite.name,
         "duration": suite.duration if tuning.duration is None else tuning.duration,
         "seeds": tuning.seeds,
         "controllers": {label: content["controllers"][label] for label in labels},
-        "scenarios": _definitions(suite, tuning),
+        "scenarios": {**shipped, **scenarios, **tuning.definitions},
         "groups": groups,
     }
     try:
-        runs = validate(type(suite), derived, f"suite {suite.name!r}").runs()
+        runs = validate(Suite, derived, f"suite {suite.name!r}").runs()
     except SpecError as error:
         raise SpecError(f"tuning set: {error}") from error
-    found: dict[str, list[RunSpec]] = {label: [] for label in labels}
-    for run in runs:
-        found[run.label].append(run)
-    return found
-
-
-def tuning_scenarios(tuning: Tuning) -> list[str]:
-    """The names of the tuning set's scenarios."""
-    return tuning.scenarios or list(tuning.definitions) or list(own_scenarios())
+    return {label: [run for run in runs if run.label == label] for label in labels}
 
 
 def own_scenarios() -> dict[str, dict[str, Any]]:
     """mobman's scenarios for tuning, by name: their fields."""
-    folder = Path(__file__).parent / "scenarios"
-    found = {}
-    for path in sorted(folder.glob("*.toml")):
-        fields = read_toml(path, "scenario file")
-        found[fields.pop("name")] = fields
-    return found
+    files = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
+    contents = [read_toml(path, "scenario file") for path in files]
+    return {fields.pop("name"): fields for fields in contents}
 
 
-def _pairs(tuning: Tuning, reported: Iterable[RunSpec]) -> list[Pair]:
-    """Which robots do which tasks: those of the suite, and any that it does not have."""
+def _pairs(tuning: Tuning, reported: Iterable[RunSpec]) -> list[tuple[str, str]]:
+    """Robots with their tasks: as in the suite, and all for those that it does not have."""
     known = list(dict.fromkeys((run.robot, run.task) for run in reported))
-    robots = _asked(tuning.robots, list(dict.fromkeys(robot for robot, _ in known)))
-    aims = _asked(tuning.tasks, list(dict.fromkeys(task for _, task in known)))
-    in_suite = ({robot for robot, _ in known}, {task for _, task in known})
+    own_robots, own_tasks = (list(dict.fromkeys(names)) for names in zip(*known, strict=True))
     pairs = [
         (robot, task)
-        for robot in robots
-        for task in aims
-        if (robot, task) in known or robot not in in_suite[0] or task not in in_suite[1]
+        for robot in _asked(tuning.robots, own_robots)
+        for task in _asked(tuning.tasks, own_tasks)
+        if (robot, task) in known or robot not in own_robots or task not in own_tasks
     ]
     if not pairs:
         raise SpecError(
@@ -103,19 +186,66 @@ def _pairs(tuning: Tuning, reported: Iterable[RunSpec]) -> list[Pair]:
 
 
 def _asked(names: list[str] | None, known: list[str]) -> list[str]:
-    """What names and patterns mean; a name that the suite does not have stands for itself."""
-    if names is None:
-        return known
+    """The names of the suite that fit; a name that it does not have stands for itself."""
     found: dict[str, None] = {}
-    for name in names:
-        fitting = [one for one in known if fnmatchcase(one, name)]
-        found |= dict.fromkeys(fitting or [name])
+    for name in ["*"] if names is None else names:
+        found |= dict.fromkeys([one for one in known if fnmatchcase(one, name)] or [name])
     return list(found)
 
 
-def _definitions(suite: Suite, tuning: Tuning) -> Mapping[str, Any]:
-    own = suite.model_dump(mode="json", exclude_unset=True).get("scenarios", {})
-    if twice := sorted(own.keys() & tuning.definitions.keys()):
-        raise SpecError(f"tuning.definitions: {twice[0]!r} is a scenario of the suite, too")
-    shipped = {} if tuning.scenarios or tuning.definitions else own_scenarios()
-    return {**shipped, **own, **tuning.definitions}
+def require_disjoint(tuning: Sequence[RunSpec], reported: Iterable[RunSpec]) -> None:
+    """Refuse a tuning set with a run that is, or is part of, a reported one.
+
+    That is one of the same robot, task, scenario (by its content, whatever its name) and seed; and of
+    another seed if the scenario has nothing random in it, so that the seed makes no difference.
+
+    Args:
+        tuning: Runs of a trial, of any controller.
+        reported: The suite's own runs.
+
+    Raises:
+        SpecError: With all such runs.
+    """
+    seeds: dict[str, dict[int, RunSpec]] = {}
+    for run in reported:
+        seeds.setdefault(_content(run), {})[run.seed] = run
+    problems: dict[str, None] = {}
+    random: dict[str, bool] = {}
+    for run in tuning:
+        content = _content(run)
+        others = seeds.get(content, {})
+        if not others:
+            continue
+        other = others.get(run.seed, next(iter(others.values())))
+        name, alias = run.scenario["name"], other.scenario["name"]
+        told = f"{run.robot} · {run.task} · {name}"
+        reported_as = "is reported" + (f" (as {alias!r})" if alias != name else "")
+        if run.seed in others:
+            problem = (
+                f"{told}, seed {run.seed}, {reported_as}; give other seeds or another scenario"
+            )
+            problems[problem] = None
+            continue
+        if content not in random:  # tried, since any piece of a scenario may use randomness
+            random[content] = _state(run, run.seed) != _state(run, other.seed)
+        if not random[content]:
+            problem = (
+                f"{told} {reported_as} and has nothing random in it, so that another seed makes no "
+                "difference; give another scenario"
+            )
+            problems[problem] = None
+    if problems:
+        raise SpecError("tuning set: " + "; ".join(problems))
+
+
+def _content(run: RunSpec) -> str:
+    """All that two runs have in common if only their laws, seeds and times differ."""
+    scenario = {k: value for k, value in run.scenario.items() if k not in ("name", "description")}
+    content = (run.robot_sha256, run.task_name, run.task_parameters, scenario)
+    return json.dumps(content, sort_keys=True, default=str)
+
+
+def _state(run: RunSpec, seed: int) -> str:
+    """Hash of all states of a run with another seed."""
+    controller = make_controller(run.law, **run.gains)
+    return simulated_run(replace(run, seed=seed), load_robot(run.robot), controller).state_sha256

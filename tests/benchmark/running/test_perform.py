@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from support.suites import suite_of
 
-from mobman.benchmark.runner import _jobs
+from mobman.benchmark.runner import jobs_of
 from mobman.benchmark.running.loaded_robots import _KEPT, _robots, forget_robots, robot_of
 from mobman.benchmark.running.perform import perform
 from mobman.benchmark.running.time_limit import TimeLimitError, within
@@ -29,7 +29,7 @@ from mobman.simulation.run_spec import fingerprint
 @pytest.fixture
 def jobs():
     suite = suite_of(["tsm", "pseudo-inverse", "extended-jacobian"], duration=0.02)
-    return _jobs(suite.runs(), 60.0, pickle.dumps)
+    return jobs_of(suite.runs(), 60.0, pickle.dumps)
 
 
 def state(result, folder):
@@ -49,6 +49,17 @@ def test_a_robot_that_was_used_before_gives_the_same_bits(jobs, tmp_path):
         for job in order:
             assert np.array_equal(state(perform(job), tmp_path), fresh[jobs.index(job)])
     assert len(_robots) == 1
+
+
+def test_metrics_come_back_without_the_file_where_it_is_not_asked_for(jobs):
+    whole, short = perform(jobs[0]), perform(replace(jobs[0], with_file=False))
+    assert whole.content is not None
+    assert short.content is None
+    assert (short.status, short.end) == ("ok", pytest.approx(0.02))
+    timed = {name for name in short.metrics if "time" in name}
+    for name in short.metrics.keys() - timed:
+        np.testing.assert_equal(short.metrics[name], whole.metrics[name])
+    assert short.seconds > 0.0
 
 
 def test_a_failed_run_leaves_no_robot_behind(jobs):
@@ -202,7 +213,7 @@ IMPORTED = """
 import pickle
 import sys
 
-from mobman.benchmark.runner import _jobs
+from mobman.benchmark.runner import jobs_of
 from mobman.benchmark.running.perform import perform
 from mobman.benchmark.running.preload import preload
 from mobman.benchmark.suite import Suite
@@ -220,7 +231,7 @@ suite = Suite.model_validate({
         {"robots": ["youbot"], "tasks": tasks.names(), "controllers": ["tsm"]},
     ],
 })
-for job in pickle.loads(pickle.dumps(_jobs(suite.runs(), 600.0, pickle.dumps))):
+for job in pickle.loads(pickle.dumps(jobs_of(suite.runs(), 600.0, pickle.dumps))):
     first = "runs" not in globals()
     if first:
         preload()

@@ -7,34 +7,33 @@ from dataclasses import replace
 from support import hostile_laws
 from support.suites import small_suite
 
+from mobman.benchmark.running.local import Local
 from mobman.benchmark.suite import load_suite
-from mobman.benchmark.tuning.evaluation import Evaluation, evaluate
 from mobman.benchmark.tuning.objective import objectives
-from mobman.benchmark.tuning.processes import local_processes
+from mobman.benchmark.tuning.search import scores_of
 from mobman.controllers.protocol import controllers
 
 
 def test_each_is_scored_as_one_that_failed_and_costs_nothing_else(tmp_path, monkeypatch):
     runs = [run for run in load_suite(small_suite(tmp_path)).runs() if run.law == "pseudo-inverse"]
+    good = len(runs)
     laws = {"killer": hostile_laws.Killed, "hangs": hostile_laws.Hangs, "loops": hostile_laws.Loops}
-    good = controllers.get("pseudo-inverse")
-    evaluations = [Evaluation.of(run) for run in runs]
     for name, law in laws.items():
         monkeypatch.setitem(controllers._items, name, law)
-        evaluations.insert(1, Evaluation.of(replace(runs[0], law=name, gains={})))
-    assert sum(evaluation.law is good for evaluation in evaluations) == len(runs)
+        runs.insert(1, replace(runs[0], law=name, gains={}))
     objective = objectives.get("error")
-    with local_processes(2) as pool:
-        scores = dict(evaluate(evaluations, objective, pool, 1.0))
-    assert len(scores) == len(evaluations)
+    with Local(2, 1.0) as place:
+        scores = dict(scores_of(runs, objective, place, 1.0))
+    assert len(scores) == len(runs) == good + len(laws)
     worst = objective.score("failed", {}, 0.0)
-    for position, evaluation in enumerate(evaluations):
+    for position, run in enumerate(runs):
         found = scores[position]
-        if evaluation.law is good:
-            assert found.status == "ok", found
-        else:
+        if run.law in laws:
             assert (found.status, found.score) == ("failed", worst)
-    messages = {evaluations[i].run.law: scores[i].message for i in scores}
+        else:
+            assert found.status == "ok", found
+    messages = {runs[i].law: scores[i].message for i in scores}
     assert "SIGKILL" in messages["killer"]
-    assert "SIGALRM" in messages["hangs"]
+    assert "did not heed its time limit of 1 s" in messages["hangs"]
     assert "took longer than its time limit of 1 s" in messages["loops"]
+    assert all("tried 2 times" in messages[name] for name in laws)

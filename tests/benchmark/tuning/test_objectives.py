@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from mobman.benchmark.tuning.objective import CEILING, Objective, mean_score, objectives
+from mobman.benchmark.tuning.objective import CEILING, Objective, objectives
+from mobman.benchmark.tuning.search import RunScore, Trial
 from mobman.simulation.metrics import metrics
 
 OWN = ("error", "error-chattering", "error-effort")
@@ -51,4 +52,5 @@ def test_failures_are_worse_than_any_completed_run():
 
 
 def test_mean_does_not_depend_on_rounding():
-    assert mean_score([0.1] * 10) == 0.1
+    run = RunScore(0.1, "ok", "", {}, 0.0)
+    assert Trial("one", 0, {}, (run,) * 10).score == 0.1

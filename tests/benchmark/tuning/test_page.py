@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from mobman.benchmark.tuning.declaration import Tuning
-from mobman.benchmark.tuning.law_space import law_space
+from mobman.benchmark.suite import TunedFrom, Tuning
 from mobman.benchmark.tuning.objective import objectives
-from mobman.benchmark.tuning.tuned_from import TunedFrom
+from mobman.benchmark.tuning.tuning_set import law_space
 from mobman.controllers.protocol import controllers
 
 PAGE = (Path(__file__).parents[3] / "docs" / "tuning.md").read_text()

@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 from support.tuning import KnownOptimum, tuned_suite
 
-from mobman.benchmark.tuning.candidates import candidates
-from mobman.benchmark.tuning.law_space import law_space
-from mobman.benchmark.tuning.search_range import SearchRange
+from mobman.benchmark.suite import SearchRange
+from mobman.benchmark.tuning.tuning_set import candidates, law_space
 from mobman.controllers.protocol import controllers, list_controllers, make_controller
 from mobman.errors import SpecError, UnknownNameError
 

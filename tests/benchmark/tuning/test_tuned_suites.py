@@ -7,11 +7,13 @@ import tomllib
 import pytest
 from support.tuning import Inline, tuned_fields, tuned_suite
 
+from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.suite import load_suite
-from mobman.benchmark.tuning.candidates import candidates
-from mobman.benchmark.tuning.evaluation import Evaluation, simulated
 from mobman.benchmark.tuning.tune import tune_suite
+from mobman.benchmark.tuning.tuning_set import candidates
+from mobman.controllers.protocol import make_controller
 from mobman.errors import SpecError
+from mobman.model.build import load_robot
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +59,10 @@ def test_it_runs(tuned):
     runs = suite.runs()
     assert {run.label for run in runs} == set(suite.controllers)
     assert len({run.run_id for run in runs}) == len(runs)
-    records = {run.label: simulated(Evaluation.of(run)) for run in runs}
+    robot = load_robot("youbot")
+    records = {
+        run.label: simulated_run(run, robot, make_controller(run.law, **run.gains)) for run in runs
+    }
     for label, entry in suite.controllers.items():
         assert records[label].ok
         assert entry.gains.items() <= records[label].settings.items()

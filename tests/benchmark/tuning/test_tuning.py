@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
 import sys
 from collections import Counter
-from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -22,7 +24,6 @@ from support.tuning import (
 from support.tuning import tuned_suite as small
 
 from mobman.benchmark.running import simulated_run
-from mobman.benchmark.tuning import evaluation
 from mobman.benchmark.tuning.objective import CEILING, Objective, objectives
 from mobman.benchmark.tuning.tune import tune_suite
 from mobman.cli.bench import bench
@@ -155,9 +156,18 @@ def test_trials_of_something_else_are_refused(tmp_path):
     with pytest.raises(MobmanError, match="with another tuning set"):
         tune_suite(small(tuning=other), tmp_path, executor=Inline())
     tune_suite(small(tuning=other), tmp_path, trials=1, executor=Inline(), fresh=True)
-    (tmp_path / "trials.jsonl").write_text("{}\n")
-    with pytest.raises(MobmanError, match="line 1, is no trial"):
-        tune_suite(small(), tmp_path, executor=Inline())
+    journal = tmp_path / "trials.jsonl"
+    lines = journal.read_text().splitlines(keepends=True)
+    for number, wrong in enumerate(["{}\n", "no JSON\n", '{"op_code": 99}\n', "[]\n"], 1):
+        journal.write_text("".join([*lines[: number - 1], wrong]))
+        with pytest.raises(MobmanError, match=rf"line {number}, is no trial.*--fresh"):
+            tune_suite(small(), tmp_path, executor=Inline())
+    foreign = [json.loads(line) for line in lines]
+    for line in foreign:
+        line.pop("user_attrs", None)
+    journal.write_text("".join(json.dumps(line) + "\n" for line in foreign))
+    with pytest.raises(MobmanError, match=r"no trial of a tuning.*--fresh"):
+        tune_suite(small(tuning=other), tmp_path, executor=Inline())
 
 
 def test_failing_trials_are_scored_and_count(tmp_path):
@@ -218,6 +228,55 @@ def test_full_disk_is_no_fault_of_gains(tmp_path, monkeypatch):
         tune_suite(small(), tmp_path, trials=1, executor=Inline())
 
 
+def test_lack_of_memory_is_no_fault_of_gains(tmp_path, monkeypatch):
+    def step(self, t, q, z, z_dot):
+        raise MemoryError
+
+    monkeypatch.setattr(KnownOptimum, "step", step)
+    executor = Inline()
+    with pytest.raises(OSError, match="ran out of memory; tried 2 times"):
+        tune_suite(small(), tmp_path, trials=1, executor=executor)
+
+
+def test_a_killed_process_goes_on(reference, tmp_path):
+    """It is killed with a trial half done, and leaves half a line of its journal."""
+    suite = _as_toml(tmp_path)
+    code = f"""
+import os, signal
+from support.tuning import Inline, register
+from mobman.benchmark.suite import load_suite
+from mobman.benchmark.tuning.tune import tune_suite
+register()
+steps = []
+def kill(step):
+    steps.append(step)
+    if len(steps) == 7:
+        with open({str(tmp_path / "trials.jsonl")!r}, "a") as file:
+            file.write('{{"op_code": 4, "study')
+        os.kill(os.getpid(), signal.SIGKILL)
+tune_suite(load_suite({str(suite)!r}), {str(tmp_path)!r}, executor=Inline(), on_step=kill)
+"""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    ended = subprocess.run([sys.executable, "-c", code], env=environment, check=False)
+    assert ended.returncode == -signal.SIGKILL
+    again = Inline()
+    tune_suite(small(), tmp_path, executor=again)
+    assert again.count == 2 * (12 - 3)
+    assert trials_in(tmp_path) == trials_in(reference)
+
+
+def test_trials_are_a_journal_of_optuna(reference):
+    optuna = pytest.importorskip("optuna")
+    backend = optuna.storages.journal.JournalFileBackend(str(reference / "trials.jsonl"))
+    storage = optuna.storages.JournalStorage(backend)
+    content = json.loads((reference / "tuning.json").read_text())
+    for label, entry in content["controllers"].items():
+        study = optuna.load_study(study_name=label, storage=storage)
+        assert len(study.trials) == 6
+        assert study.best_value == entry["score"]
+        assert study.best_params == (entry["gains"] or entry["default"])
+
+
 @pytest.mark.parametrize("library", ["optuna", "tomli_w"])
 def test_without_its_libraries_it_says_what_to_install(tmp_path, monkeypatch, library):
     monkeypatch.setitem(sys.modules, library, None)
@@ -247,15 +306,3 @@ def test_objective_of_a_metric_that_is_not_there(tmp_path):
     suite = small(tuning={**tuned_fields()["tuning"], "objective": "odd"})
     with pytest.raises(MobmanError, match="'odd' needs the metric 'oddity'"):
         tune_suite(suite, tmp_path, executor=Inline())
-
-
-def test_robot_is_loaded_once_a_process(monkeypatch):
-    loaded = []
-    monkeypatch.setattr(evaluation, "_here", type(evaluation._here)())
-    load = evaluation.load_robot
-    monkeypatch.setattr(evaluation, "load_robot", lambda spec: loaded.append(spec) or load(spec))
-    run = next(run for run in small().runs() if run.label == "one")
-    one = evaluation.simulated(evaluation.Evaluation.of(run))
-    other = evaluation.simulated(replace(evaluation.Evaluation.of(run), run=replace(run, seed=3)))
-    assert len(loaded) == 1
-    assert (one.q == other.q).all()

@@ -6,8 +6,7 @@ import pytest
 from support.tuning import tuned_fields, tuned_suite
 
 from mobman.benchmark.suite import load_suite
-from mobman.benchmark.tuning.disjoint import require_disjoint
-from mobman.benchmark.tuning.tuning_set import own_scenarios, tuning_runs
+from mobman.benchmark.tuning.tuning_set import own_scenarios, require_disjoint, tuning_runs
 from mobman.errors import SpecError
 
 TWO_PAIRS = [
