@@ -70,7 +70,7 @@ class Tuning(Strict):
     definitions: dict[Label, dict[str, Any]] = {}
     """Scenarios of the tuning alone, by label: a scenario's fields."""
     duration: Positive | None = None
-    """Of each run (s); the suite's by default."""
+    """Duration of each run (s); the suite's by default."""
     dt: Positive | None = None
     """Sampling period (s); by default that of the suite's first run of the robot and task."""
     objective: str = "error"
@@ -95,9 +95,9 @@ class TunedFrom(Strict):
     objective: str
     """Name of the quantity that was minimized."""
     score_default: float
-    """Of the entry's own gains, on the tuning set; less is better."""
+    """Score of the entry's own gains, on the tuning set; less is better."""
     score: float
-    """Of the best."""
+    """Score of the best."""
     space: Annotated[Space, Field(min_length=1)]
     """The ranges that were searched, by gain."""
 

@@ -33,7 +33,7 @@ class Job:
     origin: tuple[str, int]
     """:func:`this_process` there."""
     with_file: bool = True
-    """Whether the content of the record's file is sent back."""
+    """True if the content of the record's file is sent back."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class Result:
     task_error: float
     """The record's metric task_error_max (m); NaN if there is no record."""
     content: bytes | None
-    """Of the record's file; None if there is no record, or the job is without."""
+    """Content of the record's file; None if there is no record, or the job is without."""
     again: bool = False
     """Whether it may well go better another time."""
     fault: str = ""
-    """Of a failure: ``"gains"`` that the law refuses, or the ``"machine"``, if it is known."""
+    """Cause of a failure, if known: ``"gains"`` that the law refuses, or the ``"machine"``."""
     metrics: Mapping[str, float] = field(default_factory=dict)
     """The record's."""
     end: float = 0.0

@@ -30,14 +30,14 @@ _DIGITS = 12  # of a decade: ratios that are equal but for rounding are tied
 
 @dataclass(frozen=True)
 class Comparison:
-    """What the cells say of a against b; negative numbers: a is lower, so better."""
+    """Comparison of a with b on the same cells; negative numbers: a is lower, so better."""
 
     n: int
     """Cells."""
     median_difference: Interval
     """Median over cells of a - b: in the scores' unit, or in decades, as ``scale`` says."""
     p_value: float
-    """Of Wilcoxon's signed-rank test, two-sided, for this pair alone: see :func:`adjust`."""
+    """Two-sided, by Wilcoxon's signed-rank test, for this pair alone: see :func:`adjust`."""
     effect_size: float
     """Matched-pairs rank-biserial correlation: -1, a is better in all cells; 1, b is."""
     wins: int
@@ -50,7 +50,7 @@ class Comparison:
     """The p that as many untied cells would give if all said the same: if it is, times the number of
     pairs, above one's threshold, there are too few cells for any outcome to be significant."""
     scale: str
-    """What the differences are of."""
+    """Scale of the differences."""
 
 
 def compare(a: ArrayLike, b: ArrayLike, **options: Any) -> Comparison:
@@ -94,7 +94,7 @@ class PairComparison:
     a: str
     b: str
     comparison: Comparison
-    """Of a against b."""
+    """Comparison of a with b."""
     adjusted_p: float
     """The comparison's p-value, corrected for all pairs."""
 
@@ -153,14 +153,14 @@ def adjust(p_values: ArrayLike, method: str = "holm") -> Array:
 
 @dataclass(frozen=True)
 class SuccessComparison:
-    """What the cells say of a's successes against b's; positive: a succeeds more often."""
+    """Comparison of a's successes with b's on the same cells; positive: a succeeds more often."""
 
     n: int
     """Cells."""
     difference: Interval
     """Success rate of a - that of b: the effect, with Newcombe's interval for pairs."""
     p_value: float
-    """Of McNemar's exact test, two-sided, for this pair alone: see :func:`adjust`."""
+    """Two-sided, by McNemar's exact test, for this pair alone: see :func:`adjust`."""
     both: int
     only_a: int
     """Cells in which a succeeds and b does not."""
@@ -208,7 +208,7 @@ class Rank:
 
     label: str
     score: Interval
-    """In the scores' unit."""
+    """Estimate with its interval, in the scores' unit."""
     first: int
     """The best: 1, and one more for each label that is settled to be better."""
     last: int

@@ -15,7 +15,7 @@ from mobman.arrays import Array, Index
 from mobman.errors import UsageError
 
 FLOOR = 1e-12
-"""On ``log10``, what is smaller counts as this, in the scores' unit: zeros must count as something."""
+"""Smaller values count as this on ``log10``, in the scores' unit: zeros must count as something."""
 _BLOCK = 2**14  # draws at a time: they stay in the processor's cache, and memory does not grow
 
 WEIGHTS: dict[str, Callable[[Index, int], Array]] = {
@@ -66,8 +66,8 @@ def proportion(successes: int, n: int, *, level: float = 0.95) -> Interval:
     It has a width also where all runs, or none, succeeded.
 
     Args:
-        successes: How many.
-        n: Of how many runs.
+        successes: Their number.
+        n: Number of runs.
         level: Confidence level.
     """
     whole = int(successes) == successes and int(n) == n
@@ -144,17 +144,17 @@ class Bootstrap:
     """
 
     scale: Literal["linear", "log10"] = "linear"
-    """What values are averaged and subtracted as: themselves, or decades. Comparisons and ranks take
+    """Values are averaged and subtracted as they are, or as decades. Comparisons and ranks take
     ``"log10"`` by default."""
     floor: float = FLOOR
-    """On ``"log10"``, what smaller values count as."""
+    """Smaller values count as this on ``"log10"``."""
     strata: Sequence[Hashable] | None = None
     """Labels, one a value, to resample within; by default all values are one stratum."""
     level: float = 0.95
     """Confidence level of each interval."""
     resamples: int = 2000
     seed: int = 0
-    """Of the draws."""
+    """Seed of the draws."""
 
     def __post_init__(self) -> None:
         level, resamples, floor = self.level, self.resamples, self.floor
@@ -271,7 +271,8 @@ def weighted(statistic: str) -> _Estimator:
     def estimator(values: Array, counts: Index) -> Array:
         n = len(values)
         below, above = np.isneginf(values).sum(), n - np.isposinf(values).sum()
-        weights = np.pad(WEIGHTS[statistic](counts.cumsum(axis=1), n), ((0, 0), (1, 0)))
+        weights = np.zeros((len(counts), n + 1))
+        weights[:, 1:] = WEIGHTS[statistic](counts.cumsum(axis=1), n)
         estimates, finite = np.zeros(len(counts)), values[below:above]
         if finite.size:
             # not a matrix product: its bits depend on the number of BLAS's threads

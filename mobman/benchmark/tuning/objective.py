@@ -22,7 +22,7 @@ class Objective:
 
     name: str
     formula: str
-    """In terms of metrics, for reports."""
+    """Formula in terms of metrics, for reports."""
     metrics: tuple[str, ...]
     """The metrics in it."""
     function: Callable[[Mapping[str, float]], float]

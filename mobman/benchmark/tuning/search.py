@@ -43,7 +43,7 @@ class RunScore:
     record for another reason."""
     message: str
     metrics: dict[str, float]
-    """Those of the objective, by name."""
+    """Metrics of the objective, by name."""
     seconds: float
     """Wall time that it took."""
 
@@ -56,9 +56,9 @@ class Trial:
     number: int
     """0 is the suite's own gains."""
     gains: dict[str, float]
-    """Those that are tuned; none in trial 0."""
+    """Tuned gains; none in trial 0."""
     runs: tuple[RunScore, ...]
-    """In the order of the tuning set."""
+    """Runs in the order of the tuning set."""
 
     @property
     def score(self) -> float:
@@ -87,7 +87,7 @@ class Search:
         label: The controller's.
         space: Ranges by gain.
         runs: The tuning set, with the suite's own gains.
-        objective: What is minimized.
+        objective: The quantity to minimize.
         storage: Where the trials are kept, in a study of that label.
         path: Its file, for messages.
 
@@ -239,7 +239,7 @@ def require_extra() -> None:
 
 
 def sampler_settings() -> dict[str, Any]:
-    """What the proposals depend on in addition to the trials, for records."""
+    """Settings that the proposals depend on in addition to the trials, for records."""
     import optuna
 
     return {
@@ -330,7 +330,7 @@ def scores_of(
 
     Args:
         runs: The runs.
-        objective: What is scored.
+        objective: Their score.
         place: Where they are done.
         limit: Wall time that each may take (s).
     """

@@ -47,14 +47,14 @@ _SCHEMA_VERSION = 1
 
 @dataclass(frozen=True)
 class Plan:
-    """What a tuning will do."""
+    """The work that a tuning will do."""
 
     gains: Mapping[str, int]
     """Number of gains that are tuned, by label."""
     trials: int
-    """Of each controller."""
+    """Trials of each controller."""
     runs: int
-    """Of each trial."""
+    """Runs of each trial."""
     seconds: float
     """Simulated time of a trial (s)."""
     done: int
@@ -77,7 +77,7 @@ class TuningResult:
     suite: Suite
     """The same."""
     trials: Mapping[str, Sequence[Trial]]
-    """By label."""
+    """Trials by label."""
     left_out: Mapping[str, str]
     """The reason why a controller was not tuned, by label."""
     seconds: float
@@ -110,7 +110,7 @@ def tune_suite(
         folder: Where the results are kept; trials that are there are not done again.
         trials: In the place of the suite's.
         controllers: Labels; all that have a search space by default.
-        executor: What does the runs; processes of this machine by default.
+        executor: Does the runs; processes of this machine by default.
         workers: Number of these.
         fresh: Begin again.
         on_start: Called once everything is checked.

@@ -27,7 +27,7 @@ class Candidates(NamedTuple):
     """The controllers of a suite, as far as tuning goes."""
 
     spaces: Mapping[str, Space]
-    """Of those that are tuned, by label."""
+    """Search spaces of those that are tuned, by label."""
     left_out: Mapping[str, str]
     """The reason why the others are not, by label."""
 
