@@ -253,7 +253,7 @@ def sampler_settings() -> dict[str, Any]:
 
 
 def journal(path: Path, *, fresh: bool) -> optuna.storages.BaseStorage:
-    """The storage in a file, without what a killed process left of its last line.
+    """The storage in a file, without what a killed process left: half of a line, or a lock.
 
     Args:
         path: The file; neither it nor its folder need exist.
@@ -277,7 +277,9 @@ def journal(path: Path, *, fresh: bool) -> optuna.storages.BaseStorage:
                 json.loads(line)["op_code"]
             else:
                 os.truncate(path, sum(map(len, lines[:-1])))
-        return JournalStorage(JournalFileBackend(str(path)))
+        # a killed process may have left its lock, for which optuna would wait for long, or for ever
+        path.with_name(f"{path.name}.lock").unlink(missing_ok=True)
+        return JournalStorage(JournalFileBackend(str(path.absolute())))
     except OSError as error:
         raise MobmanError(f"cannot use {path}: {error.strerror}") from error
     except Exception as error:  # lines of something else may mean anything to optuna

@@ -239,7 +239,7 @@ def test_lack_of_memory_is_no_fault_of_gains(tmp_path, monkeypatch):
 
 
 def test_a_killed_process_goes_on(reference, tmp_path):
-    """It is killed with a trial half done, and leaves half a line of its journal."""
+    """It is killed with a trial half done, and leaves half a line of its journal, and a lock on it."""
     suite = _as_toml(tmp_path)
     code = f"""
 import os, signal
@@ -253,12 +253,14 @@ def kill(step):
     if len(steps) == 7:
         with open({str(tmp_path / "trials.jsonl")!r}, "a") as file:
             file.write('{{"op_code": 4, "study')
+        os.symlink("trials.jsonl", {str(tmp_path / "trials.jsonl.lock")!r})
         os.kill(os.getpid(), signal.SIGKILL)
 tune_suite(load_suite({str(suite)!r}), {str(tmp_path)!r}, executor=Inline(), on_step=kill)
 """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     ended = subprocess.run([sys.executable, "-c", code], env=environment, check=False)
     assert ended.returncode == -signal.SIGKILL
+    assert (tmp_path / "trials.jsonl.lock").is_symlink()
     again = Inline()
     tune_suite(small(), tmp_path, executor=again)
     assert again.count == 2 * (12 - 3)
