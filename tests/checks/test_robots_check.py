@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 
 import pytest
+from support.command_line import mobman
 from support.variants import description, toml, youbot_urdf
 
 
-def check(*arguments, env=None):
-    return subprocess.run(
-        [sys.executable, "-m", "mobman", "robots", "check", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        env=env,
-    )
+def check(*arguments):
+    return mobman("robots", "check", *arguments)
 
 
 @pytest.fixture
@@ -89,10 +81,10 @@ def test_json(described):
     assert any("100 kg" in finding["found"] for finding in content["findings"])
 
 
-def test_narrow_terminal_leaves_room_for_what_is_found(described):
+def test_narrow_terminal_leaves_room_for_what_is_found(described, monkeypatch):
     """The fix is below what is found, not beside it; wheels that are alike have one row."""
-    environment = {**os.environ, "COLUMNS": "80"}
-    done = check(described(platform__wheel_radius=0.06), "--no-simulation", env=environment)
+    monkeypatch.setenv("COLUMNS", "80")
+    done = check(described(platform__wheel_radius=0.06), "--no-simulation")
     lines = done.stdout.splitlines()
     assert max(map(len, lines)) <= 80
     (row,) = [i for i, line in enumerate(lines) if line.startswith("wheel-radius")]

@@ -7,19 +7,14 @@ import subprocess
 import sys
 
 import pytest
+from support.command_line import mobman, mobman_process
 from support.suites import small_suite
 
 import mobman as mm
 
 
-def mobman(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "mobman", *arguments], capture_output=True, text=True, timeout=120
-    )
-
-
 def test_version():
-    done = mobman("--version")
+    done = mobman_process("--version")
     assert done.returncode == 0
     assert done.stdout == f"mobman {mm.__version__}\n"
 
@@ -164,9 +159,12 @@ def test_report_of_nothing_is_refused(tmp_path):
     assert "holds no results" in done.stderr
 
 
-@pytest.mark.parametrize("arguments", ["robots", "robots --json", "robots show youbot"])
-def test_a_reader_that_has_enough_is_no_error(arguments):
-    command = f"{sys.executable} -m mobman {arguments} | true; exit ${{PIPESTATUS[0]}}"
+def test_a_reader_that_has_enough_is_no_error():
+    """Tables are printed by rich, JSON is not."""
+    command = (
+        f'for arguments in robots "robots --json"; do {sys.executable} -m mobman $arguments | true; '
+        "[ ${PIPESTATUS[0]} = 0 ] || exit 1; done"
+    )
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0
     assert done.stderr == ""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 
 import pytest
+from support.command_line import mobman, mobman_process
 
 PLUGIN = """
 from mobman.tasks.line import line
@@ -63,46 +63,40 @@ ends-robot = ends_plugin:robot
 """
 
 
-@pytest.fixture
-def mobman(tmp_path):
-    """The command with a package installed whose code ends the process, in every way."""
+@pytest.fixture(autouse=True)
+def plugin(tmp_path, monkeypatch):
+    """A package is installed whose code ends the process, in every way."""
     (tmp_path / "ends_plugin.py").write_text(PLUGIN, encoding="utf-8")
     (tmp_path / "ends_at_import.py").write_text("raise SystemExit(0)", encoding="utf-8")
     metadata = tmp_path / "ends_plugin-1.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: ends-plugin\nVersion: 1\n")
     (metadata / "entry_points.txt").write_text(POINTS, encoding="utf-8")
-    paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-    environment.pop("MOBMAN_DEBUG", None)
-
-    def call(*arguments):
-        return subprocess.run(
-            [sys.executable, "-m", "mobman", *arguments],
-            capture_output=True,
-            encoding="utf-8",
-            timeout=120,
-            env=environment,
-        )
-
-    return call
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delenv("MOBMAN_DEBUG", raising=False)
+    yield tmp_path
+    sys.modules.pop("ends_plugin", None)
 
 
 @pytest.mark.parametrize("where", ["init", "reset", "step"])
-def test_law_that_ends_the_process(mobman, where):
+def test_law_that_ends_the_process(where):
     done = mobman("run", "youbot", "--controller", f"ends-at-{where}", "--duration", "0.01")
     assert (done.returncode, done.stdout) == (1, "")
     assert "SystemExit: 0" in done.stderr
     assert done.stderr.count("\n") == 1
 
 
-def test_task_that_ends_the_process(mobman):
-    done = mobman("run", "youbot", "--task", "ends-task", "--duration", "0.01")
+def test_task_that_ends_the_process(plugin):
+    paths = os.pathsep.join([str(plugin), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = mobman_process(
+        *("run", "youbot", "--task", "ends-task", "--duration", "0.01"),
+        env={**os.environ, "PYTHONPATH": paths},
+    )
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
     assert "SystemExit: 0" in done.stderr
 
 
-def test_law_whose_package_ends_the_process(mobman):
+def test_law_whose_package_ends_the_process():
     done = mobman("run", "youbot", "--controller", "ends-at-import", "--duration", "0.01")
     warning, error = done.stderr.splitlines()
     assert done.returncode == 2
@@ -110,7 +104,7 @@ def test_law_whose_package_ends_the_process(mobman):
     assert "unknown controller 'ends-at-import'" in error
 
 
-def test_listing_goes_on_without_a_robot_that_ends_the_process(mobman):
+def test_listing_goes_on_without_a_robot_that_ends_the_process():
     done = mobman("robots")
     assert done.returncode == 0
     assert "youbot" in done.stdout

@@ -5,12 +5,11 @@ from __future__ import annotations
 import io
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from rich.table import Table
+from support.command_line import Done, mobman
 
 import mobman as mm
 from mobman.cli import output
@@ -25,16 +24,7 @@ TOML = HOSTILE.encode("unicode_escape").decode().replace("\\x", "\\u00")
 """The same in a string of a TOML file."""
 
 
-def mobman(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "mobman", *arguments],
-        capture_output=True,
-        timeout=120,
-        encoding="utf-8",
-    )
-
-
-def printed(done: subprocess.CompletedProcess[str]) -> str:
+def printed(done: Done) -> str:
     text = done.stdout + done.stderr
     assert not STEERING.findall(text)
     return text

@@ -4,26 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 
 import h5py
 import pytest
-from click.testing import CliRunner
+from support.command_line import mobman, mobman_process
 
 import mobman as mm
-from mobman.cli.run import rerun
-
-
-def mobman(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "mobman", *arguments], capture_output=True, text=True, timeout=120
-    )
-
-
-def within(*arguments):
-    """The command in this process: it is what takes the time."""
-    return CliRunner().invoke(rerun, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -41,37 +27,38 @@ def changed(good, tmp_path):
 
 
 def test_verified_run(good):
-    done = mobman("rerun", str(good), "--verify")
+    """In another process: nothing that this one has set or computed makes it the same."""
+    done = mobman_process("rerun", good, "--verify")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(f"{good}: identical, bit for bit (")
     assert done.stdout.count("\n") == 1
 
 
 def test_run_that_differs(changed):
-    done = within(changed, "--verify")
-    assert done.exit_code == 1
+    done = mobman("rerun", changed, "--verify")
+    assert done.returncode == 1
     assert f"{changed}: differs in 1 (" in done.stdout
     assert "bit for bit)" in done.stdout
     assert "q differs by 0.001: at t = 0.008 s, base_y: " in done.stdout
 
 
 def test_tolerance(changed):
-    done = within(changed, "--verify", "--tolerance", "0.01")
-    assert done.exit_code == 0
+    done = mobman("rerun", changed, "--verify", "--tolerance", "0.01")
+    assert done.returncode == 0
     assert f"{changed}: equal within a tolerance of 0.01 (" in done.stdout
 
 
 def test_every_file_is_looked_at(good, changed, tmp_path):
-    done = within(tmp_path / "none.h5", changed, good, "--verify")
-    assert done.exit_code == 1
+    done = mobman("rerun", tmp_path / "none.h5", changed, good, "--verify")
+    assert done.returncode == 1
     assert "there is no record" in done.stderr
     assert f"{changed}: differs" in done.stdout
     assert f"{good}: identical" in done.stdout
 
 
 def test_as_json(good, changed):
-    done = within(good, changed, "--verify", "--json")
-    assert done.exit_code == 1
+    done = mobman("rerun", good, changed, "--verify", "--json")
+    assert done.returncode == 1
     first, second = json.loads(done.stdout)
     assert (first["equal"], second["equal"]) == (True, False)
     assert first["machine"] == first["versions"] == {}
@@ -79,8 +66,8 @@ def test_as_json(good, changed):
 
 
 def test_repeated_run_is_printed_and_saved(good, tmp_path):
-    done = within(good, "-o", tmp_path / "new.h5")
-    assert done.exit_code == 0
+    done = mobman("rerun", good, "-o", tmp_path / "new.h5")
+    assert done.returncode == 0
     assert "task_error_max" in done.stdout
     new = mm.load_record(tmp_path / "new.h5")
     assert new.state_sha256 == mm.load_record(good).state_sha256
@@ -98,8 +85,8 @@ def test_repeated_run_is_printed_and_saved(good, tmp_path):
     ],
 )
 def test_wrong_usage(arguments, reason):
-    done = within(*arguments)
-    assert done.exit_code == 2
+    done = mobman("rerun", *arguments)
+    assert done.returncode == 2
     assert reason in done.stderr
 
 

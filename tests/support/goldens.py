@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import re
-import runpy
-import signal
 import sys
-import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-import click
 import h5py
 import numpy as np
 
 import mobman as mm
-from mobman.cli.main import mobman as group
-from support.golden_access import only_mobmans_own
+from support import command_line
 
 FOLDER = Path(__file__).parents[1] / "goldens"
 ROUNDING = 1e-15
@@ -229,35 +223,10 @@ def a_last_place_away(q: np.ndarray, generator: np.random.Generator) -> np.ndarr
 # The command line -------------------------------------------------------------------------------
 
 
-def _forget_help(command: click.Command) -> None:
-    """click keeps the help option of a command's first call, which may have been without the group."""
-    command._help_option = None
-    for part in getattr(command, "commands", {}).values():
-        _forget_help(part)
-
-
 def mobman(*arguments: str) -> tuple[int, str, str]:
     """Run ``python -m mobman`` in this process: its exit status, stdout and stderr."""
-    out, err = io.StringIO(), io.StringIO()
-    handler = signal.getsignal(signal.SIGTERM)
-    status = 0
-    _forget_help(group)
-    try:
-        with (
-            only_mobmans_own(),
-            patch.object(sys, "argv", ["mobman", *arguments]),
-            warnings.catch_warnings(),
-            redirect_stdout(out),
-            redirect_stderr(err),
-        ):
-            warnings.simplefilter("default")
-            try:
-                runpy.run_module("mobman", run_name="__main__")
-            except SystemExit as leave:
-                status = int(leave.code or 0)
-    finally:
-        signal.signal(signal.SIGTERM, handler)
-    return status, out.getvalue(), err.getvalue()
+    done = command_line.mobman(*arguments)
+    return done.returncode, done.stdout, done.stderr
 
 
 @contextmanager
