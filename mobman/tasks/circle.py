@@ -88,15 +88,16 @@ def circle_near_tip(
     fixed base, between the tip and the base: its diameter is 0.3 times their distance.
     """
     place = place_of(robot, q0)
+    ahead, left, _ = place.axes
     radius = place.size if radius is None else radius
     if place.drives:
         side = math.copysign(1.0, rate)  # the centre is on the left of one who goes anticlockwise
         gap = GAP if gap is None else gap
-        centre = place.tip + gap * place.ahead + side * radius * place.left
+        centre = place.tip + gap * ahead + side * radius * left
         phase = place.heading - side * 0.5 * math.pi
     else:
         share = SHARE_OF_RADIUS if gap is None else gap / radius
-        centre = place.tip - (1.0 + share) * radius * place.ahead
+        centre = place.tip - (1.0 + share) * radius * ahead
         phase = place.heading
     x, y, z = (float(coordinate) for coordinate in centre)
     return Circle((x, y, z), radius, rate, phase)

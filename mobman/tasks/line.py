@@ -45,4 +45,5 @@ def line(
             "task 'line': parameter 'displacement' (m) must not be 0 in all directions"
         )
     way = np.array(displacement, dtype=float) @ place.axes
-    return excursion("line", [place.tip, place.tip + way], travel, pause, returns=returns)
+    points, times = excursion([place.tip, place.tip + way], travel, pause, returns=returns)
+    return PointToPoint(points, times, returns, "line")

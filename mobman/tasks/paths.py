@@ -170,14 +170,13 @@ PAUSE = 0.0
 
 
 def excursion(
-    name: str, points: Sequence[Array], travel: float, pause: float, *, returns: bool = True
-) -> PointToPoint:
-    """A path through points, at rest at each, and back again and again if it returns.
+    points: Sequence[Array], travel: float, pause: float, *, returns: bool = True
+) -> tuple[tuple[Triple, ...], tuple[float, ...]]:
+    """Points and times of a path through points, and back if it returns; at rest at each.
 
     All parts have the same largest acceleration.
 
     Args:
-        name: The task's.
         points: World coordinates (m), two or more of shape (3,), no two in sequence alike.
         travel: Time for each way (s).
         pause: Rest at each end (s).
@@ -194,7 +193,7 @@ def excursion(
         stops += back if pause > 0.0 else back[1:]
         stops += [(stops[0][0], 2.0 * (travel + pause))] if pause > 0.0 else []
     where, times = zip(*stops, strict=True)
-    return PointToPoint(where, times, returns, name)
+    return where, times
 
 
 # Placement at a robot's start -------------------------------------------------------------------------
@@ -212,8 +211,8 @@ _POINTS = 256  # of a path, to find how far it goes
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """The tip's surroundings at a start.
+class Placement:
+    """The tip and the arm at a task's start, which its path is placed by.
 
     Attributes:
         tip: World coordinates (m), shape (3,).
@@ -228,24 +227,10 @@ class Surroundings:
     drives: bool
 
     @property
-    def ahead(self) -> Array:
-        """Horizontally along the heading, a unit vector, shape (3,)."""
-        return np.array([math.cos(self.heading), math.sin(self.heading), 0.0])
-
-    @property
-    def left(self) -> Array:
-        """Horizontally to the left of the heading, a unit vector, shape (3,)."""
-        return np.array([-math.sin(self.heading), math.cos(self.heading), 0.0])
-
-    @property
-    def up(self) -> Array:
-        """Vertical unit vector, shape (3,)."""
-        return np.array([0.0, 0.0, 1.0])
-
-    @property
     def axes(self) -> Array:
-        """Rows ``ahead``, ``left`` and ``up``, shape (3, 3)."""
-        return np.array([self.ahead, self.left, self.up])
+        """Unit vectors along the heading, to its left and up, shape (3, 3)."""
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
     @property
     def reach(self) -> float:
@@ -263,18 +248,17 @@ class Surroundings:
         return SHARE_OF_REACH * self.reach
 
 
-def place_of(robot: MobileManipulator, q0: Array) -> Surroundings:
-    """The surroundings of a robot's tip at configuration q0."""
+def place_of(robot: MobileManipulator, q0: Array) -> Placement:
+    """The placement at a robot's configuration q0."""
     tip = np.array(robot.tip_pose(q0).translation)
     arm, drives = tip - robot.arm_origin(q0), "base_x" in robot.joint_names
-    if drives:
-        return Surroundings(tip, arm, float(q0[robot.joint_names.index("base_theta")]), drives)
-    return Surroundings(tip, arm, math.atan2(arm[1], arm[0]), drives)
+    heading = q0[robot.joint_names.index("base_theta")] if drives else math.atan2(arm[1], arm[0])
+    return Placement(tip, arm, float(heading), drives)
 
 
 def placed(
     name: str,
-    place: Surroundings,
+    place: Placement,
     rate: float,
     cosines: Sequence[Sequence[float]],
     sines: Sequence[Sequence[float]],
@@ -288,32 +272,25 @@ def placed(
         name: The task's.
         place: Where the tip is.
         rate: rad/s.
-        cosines: As those of :class:`Harmonics`, by ``ahead``, ``left`` and ``up``.
+        cosines: As those of :class:`Harmonics`, by ``place.axes``.
         sines: As many.
     """
     local = np.array([cosines, sines], dtype=float)
-    axes = place.axes
+    axes, ahead, harmonics = place.axes, place.axes[0], np.arange(1, 1 + len(cosines))
     if place.drives:
         start = local[0].sum(axis=0)
-        first = rate * np.arange(1, len(local[1]) + 1) @ local[1]
+        first = rate * harmonics @ local[1]
         turn = -math.atan2(first[1], first[0])
         c, s = math.cos(turn), math.sin(turn)
         axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ axes
-        centre = place.tip + GAP * place.ahead - start @ axes
+        centre = place.tip + GAP * ahead - start @ axes
     else:
-        centre = place.tip - (1.0 + SHARE_OF_RADIUS) * _radius(local) * place.ahead
-    world = local @ axes
-    rows = [tuple(map(_triple, part)) for part in world]
+        angles = np.outer(np.linspace(0.0, 2.0 * math.pi, _POINTS, endpoint=False), harmonics)
+        points = np.cos(angles) @ local[0] + np.sin(angles) @ local[1]
+        radius = float(np.linalg.norm(points, axis=1).max())
+        centre = place.tip - (1.0 + SHARE_OF_RADIUS) * radius * ahead
+    rows = [tuple(map(_triple, part)) for part in local @ axes]
     return Harmonics(_triple(centre), rate, rows[0], rows[1], name)
-
-
-def _radius(local: Array) -> float:
-    """The largest distance of a path from its centre (m)."""
-    angles = np.outer(
-        np.linspace(0.0, 2.0 * math.pi, _POINTS, endpoint=False), np.arange(1, 1 + len(local[0]))
-    )
-    points = np.cos(angles) @ local[0] + np.sin(angles) @ local[1]
-    return float(np.linalg.norm(points, axis=1).max())
 
 
 def _triple(vector: Array) -> Triple:

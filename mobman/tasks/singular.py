@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -11,9 +13,10 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import SingularityError, UsageError
+from mobman.model.criterion import Posture
+from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
-from mobman.tasks.degeneracy import nearest_degeneracy
 from mobman.tasks.paths import PAUSE, TRAVEL, Pause, PointToPoint, Travel, excursion, place_of
 from mobman.tasks.task import parameter, tasks
 
@@ -37,17 +40,6 @@ class SingularPath(PointToPoint):
 
     depth: float = 0.0
     singular_value: float = 0.0
-
-
-def _path(
-    name: str,
-    points: Sequence[Array],
-    timing: tuple[float, float],
-    depth: float,
-    singular_value: float,
-) -> SingularPath:
-    path = excursion(name, points, *timing)
-    return SingularPath(path.points, path.times, path.repeats, name, depth, singular_value)
 
 
 @tasks.register("kinematic-singularity")
@@ -85,8 +77,8 @@ def kinematic_singularity(
             f"task {name!r}: robot {robot.name!r} drives, so that no point is too far "
             "out for it; allowed for 'direction': up, down"
         )
-    ways = {"out": place.arm / np.linalg.norm(place.arm), "up": place.up, "down": -place.up}
-    way = ways[direction]
+    *_, up = place.axes
+    way = {"out": place.arm / np.linalg.norm(place.arm), "up": up, "down": -up}[direction]
     farthest = stretched(robot, q0, way, within_limits=within_limits)
     displacement = np.array(robot.tip_pose(farthest).translation) - place.tip
     reach = float(way @ displacement)
@@ -99,7 +91,7 @@ def kinematic_singularity(
     lateral = np.round(displacement - reach * way, _DIGITS)
     end = place.tip + lateral + (round(reach, 2 * _DIGITS) + depth) * way
     value = round(least_singular_value(robot, farthest), _DIGITS)
-    return _path(name, [place.tip, end], (travel, pause), depth, value)
+    return SingularPath(*excursion([place.tip, end], travel, pause), True, name, depth, value)
 
 
 @tasks.register("algorithmic-singularity")
@@ -132,9 +124,10 @@ def algorithmic_singularity(
     who = f"task {name!r}: robot {robot.name!r}"
     if robot.nz <= TaskMap().m:
         raise UsageError(f"{who} has no redundant degree of freedom, so that J is j_e")
+    ahead, _, up = place.axes
     level = np.array([*place.arm[:2], 0.0])
     length, scale = float(np.linalg.norm(level)), place.reach
-    inward = -level / length if length > _ABOVE * scale else -place.ahead
+    inward = -level / length if length > _ABOVE * scale else -ahead
     lateral = np.array([-inward[1], inward[0], 0.0])
     angles = 2.0 * math.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
     directions = [math.cos(angle) * inward + math.sin(angle) * lateral for angle in angles]
@@ -143,8 +136,8 @@ def algorithmic_singularity(
         found = nearest_degeneracy(
             robot,
             q0,
-            directions=[*directions, place.up, -place.up],
-            turns=[lateral, -lateral, place.up, -place.up],
+            directions=[*directions, up, -up],
+            turns=[lateral, -lateral, up, -up],
             farthest=reach,
             scale=scale,
         )
@@ -165,7 +158,8 @@ def algorithmic_singularity(
         )
     end = last + (round(length, _COARSE) + depth) * way / length
     value = round(found.singular_value, _COARSE)
-    return _path(name, [*corners, last, end], (travel, pause), depth, value)
+    points, times = excursion([*corners, last, end], travel, pause)
+    return SingularPath(points, times, True, name, depth, value)
 
 
 def least_singular_value(robot: MobileManipulator, q: Array) -> float:
@@ -256,11 +250,8 @@ class _Climb:
         last = self.height(q)
         for _ in range(_NEWTON):
             tip = self._robot.tip_kinematics(q, np.zeros(self._robot.nz))
-            free = [
-                i
-                for i in self._joints
-                if i not in self._slides and self._lower[i] < q[i] < self._upper[i]
-            ]
+            inside = (self._lower < q) & (q < self._upper)
+            free = [i for i in self._joints if i not in self._slides and inside[i]]
             gradient = self._direction @ tip.jacobian[:3, free]
             if not free or float(np.abs(gradient).max()) < _SMALL:
                 break
@@ -279,12 +270,10 @@ class _Climb:
 
     def _highest(self, i: int, q: Array) -> float:
         """Angle or slide of a joint that holds the tip highest, the others as they are."""
-        column = self._robot.tip_jacobian(q)[:, i]
+        column, lower, upper = self._robot.tip_jacobian(q)[:, i], self._lower[i], self._upper[i]
         slope = float(self._direction @ column[:3])
         if i in self._slides:
-            if abs(slope) < _SMALL:
-                return float(q[i])
-            return float(self._upper[i] if slope > 0.0 else self._lower[i])
+            return float(q[i] if abs(slope) < _SMALL else upper if slope > 0.0 else lower)
         # on its circle, the height is bend cos(angle) + slope sin(angle) and a constant
         (wx, wy, wz), (vx, vy, vz) = column[3:], column[:3]
         turned = (wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx)
@@ -293,8 +282,197 @@ class _Climb:
             return float(q[i])
         best = float(q[i]) + math.atan2(slope, bend)
         for angle in (best, best - 2.0 * math.pi, best + 2.0 * math.pi):
-            if self._lower[i] <= angle <= self._upper[i]:
+            if lower <= angle <= upper:
                 return angle
-        ends = (float(self._lower[i]), float(self._upper[i]))
-        heights = [bend * math.cos(end - q[i]) + slope * math.sin(end - q[i]) for end in ends]
-        return ends[int(heights[1] > heights[0])]
+
+        def height(angle: float) -> float:
+            return bend * math.cos(angle - q[i]) + slope * math.sin(angle - q[i])
+
+        return float(max(lower, upper, key=height))
+
+
+# The solution of the extended task along lines ---------------------------------------------------------
+
+# all lengths in multiples of the tip's distance from the arm's first joint
+_LARGEST_STEP = 0.05
+_SMALLEST_STEP = 2e-5
+_LARGEST_TURN = 0.2  # of the arm's joints in a step, and of the heading (rad, m)
+_CLOSED = 1e-6  # the task's and the auxiliary errors, over what they would be after a largest step
+_CORRECTIONS = 4
+_BETWEEN_TURNS = 0.25
+_SETTLING = 50  # steps to get to f_a = 0
+_KINEMATIC = 0.1  # singular values of j_e below this share of those at the start are its own loss
+
+
+def nearest_degeneracy(
+    robot: MobileManipulator,
+    q0: Array,
+    directions: Iterable[Array],
+    turns: Iterable[Array],
+    farthest: float,
+    scale: float,
+) -> SolutionLine | None:
+    """The line to the nearest place where J loses its rank, but j does not, among lines from the tip.
+
+    The solutions of f_e = p, f_a = 0 are followed along all the lines at once, and along those that
+    turn off from the first of them. One ends where it folds back, or where it would go on with the
+    determinant of N (H + D) N^T, the curvature of the criterion along the constraints, of the other
+    sign: as a saddle of the criterion instead of its minimum.
+
+    Args:
+        robot: The robot; its posture criterion is meant.
+        q0: Where the lines begin, shape (nq,).
+        directions: Vectors of length 1 in the world, shape (3,).
+        turns: The same, of the lines that turn off.
+        farthest: How far to look (m).
+        scale: The tip's distance from the arm's first joint (m).
+
+    Returns:
+        None if there is none.
+
+    Raises:
+        SingularityError: If J has no full rank at q0.
+    """
+    extended = ExtendedJacobian(robot, TaskMap(), Posture.of(robot))
+    axes = extended.complement.copy()
+    lines = []
+    for direction in directions:
+        extended.complement[:] = axes
+        lines.append(SolutionLine(extended, robot, q0.copy(), direction, scale))
+    turned_from = len(lines)  # lines from this number on are those that turn off
+    fronts = [(0.0, i) for i in range(len(lines))]
+    next_turn = _BETWEEN_TURNS * scale
+    while fronts:
+        length, i = heapq.heappop(fronts)
+        line = lines[i]
+        if line.is_algorithmic:
+            return line
+        if line.ended or length >= farthest or (i >= turned_from and line.distance >= scale):
+            continue
+        line.advance()
+        heapq.heappush(fronts, (line.length, i))
+        if i == 0 and not line.ended and line.length >= next_turn:
+            next_turn += _BETWEEN_TURNS * scale
+            for direction in turns:
+                lines.append(line.turned(direction))
+                heapq.heappush(fronts, (line.length, len(lines) - 1))
+    return None
+
+
+class SolutionLine:
+    """Solution of the extended task, f_e on a line and f_a = 0, from a configuration on.
+
+    Args:
+        extended: J of the robot; all lines use the same.
+        robot: The robot.
+        q: The configuration.
+        direction: Direction of the line.
+        scale: The unit of lengths (m).
+
+    Attributes:
+        q: The configuration at the line's end so far, shape (nq,).
+        singular_value: Least singular value of j_e there.
+    """
+
+    def __init__(
+        self,
+        extended: ExtendedJacobian,
+        robot: MobileManipulator,
+        q: Array,
+        direction: Array,
+        scale: float,
+    ) -> None:
+        self._extended, self._rest = extended, np.zeros(robot.nz)
+        self._turning = [
+            i for i in range(robot.nq) if i in robot.arm_index or robot.tip_chain[i] > 0.0
+        ]
+        self.direction, self._scale = direction, scale
+        self._step = _LARGEST_STEP * scale
+        self.distance, self.q, self.ended = 0.0, q, False
+        extended.at(q, self._rest)
+        self._length, self._turns = 0.0, [extended.f[:3].copy()]
+        for _ in range(_SETTLING):  # to f_a = 0 with the tip where it is, as far as small steps go
+            change = self._correction(self.q, self._turns[0])
+            largest = float(np.abs(change[self._turning]).max())
+            self.q = self.q + min(1.0, _LARGEST_TURN / max(largest, _SMALL)) * change
+            if largest < _CLOSED:
+                break
+        self._keep()
+        self._sign, self._first = self._orientation(), self.singular_value
+
+    def turned(self, direction: Array) -> SolutionLine:
+        """Another one, that leaves this one here."""
+        other = copy(self)
+        other._length, other._turns = self.length, self.corners
+        other.direction, other.distance = direction, 0.0
+        other._step = _LARGEST_STEP * self._scale
+        return other
+
+    @property
+    def length(self) -> float:
+        """Length of the whole way (m)."""
+        return self._length + self.distance
+
+    @property
+    def corners(self) -> list[Array]:
+        """The tip's way from its start: points in the world (m), shape (3,) each, both ends included."""
+        return [*self._turns, self._turns[-1] + self.distance * self.direction]
+
+    @property
+    def is_algorithmic(self) -> bool:
+        """True if it has ended with j_e in good order."""
+        return self.ended and self.singular_value > _KINEMATIC * self._first
+
+    def advance(self) -> None:
+        """A step; where even the smallest leads nowhere, or past a change of sign, it has ended."""
+        while self._step >= _SMALLEST_STEP * self._scale:
+            self._extended.complement[:] = self._complement
+            if self._try(self.distance + self._step):
+                self.distance += self._step
+                self._keep()
+                self._step = min(2.0 * self._step, _LARGEST_STEP * self._scale)
+                return
+            self._step *= 0.5
+        self.ended = True
+
+    def _try(self, distance: float) -> bool:
+        """Go to a distance, by Newton's method from here."""
+        q, target = self.q, self._turns[-1] + distance * self.direction
+        try:
+            for _ in range(_CORRECTIONS):
+                change = self._correction(q, target)
+                turn = float(np.abs(change[self._turning]).max())
+                if not turn <= _LARGEST_TURN:
+                    return False
+                q = q + change
+                if turn < _CLOSED:
+                    break
+            else:
+                return False
+        except (SingularityError, np.linalg.LinAlgError):
+            return False
+        if self._orientation() != self._sign:
+            return False
+        self.q = q
+        return True
+
+    def _correction(self, q: Array, target: Array) -> Array:
+        """J^-1 of what is missing, as a change of q."""
+        extended = self._extended
+        extended.at(q, self._rest)
+        missing = np.concatenate([target - extended.f[:3], -extended.f[3:]])
+        change: Array = extended.workspace.C @ np.linalg.solve(extended.J, missing)
+        return change
+
+    def _orientation(self) -> float:
+        """The sign of det J, made independent of the axes of f_a: that of det N (H + D) N^T."""
+        J, now = self._extended.J, self._extended
+        regular = np.vstack([J[:3], now.complement @ now.workspace.C])
+        both, _ = np.linalg.slogdet(np.stack([J, regular]))
+        return float(both[0] * both[1])
+
+    def _keep(self) -> None:
+        """Keep what follows from J, which is that of a last, tiny correction of q ago."""
+        J = self._extended.J
+        self._complement = self._extended.complement.copy()
+        self.singular_value = float(np.linalg.svd(J[:3], compute_uv=False)[-1])

@@ -8,14 +8,14 @@ import inspect
 import sys
 import typing
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Annotated, Any, NotRequired, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, ValidationError, validate_call
 from pydantic.fields import FieldInfo
-from typing_extensions import TypedDict
 
 from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import UsageError
@@ -121,17 +121,14 @@ def _not_zero(value: float | None) -> float | None:
     return value
 
 
-NOT_ZERO = AfterValidator(_not_zero)
-"""Annotation of a parameter that may be positive or negative."""
-
-
 def _of_a_size(value: Any) -> Any:
     if beyond_sizes(value):
         raise ValueError(f"must be {SIZES}")
     return value
 
 
-_OF_A_SIZE = AfterValidator(_of_a_size)
+NOT_ZERO = AfterValidator(_not_zero)
+"""Annotation of a parameter that may be positive or negative."""
 
 
 def parameters_of(name: str) -> list[Parameter]:
@@ -140,7 +137,16 @@ def parameters_of(name: str) -> list[Parameter]:
     Raises:
         UnknownNameError: If no task has the name.
     """
-    return list(_declared(tasks.get(name))[0].values())
+    found = []
+    for item in _taken(tasks.get(name)):
+        if item.kind is not item.VAR_KEYWORD:
+            declared = FieldInfo.from_annotation(item.annotation)
+            extra: Any = declared.json_schema_extra or {}
+            required = item.default is item.empty
+            default = None if required else item.default
+            texts = str(extra.get("unit", "")), declared.description or ""
+            found.append(Parameter(item.name, item.annotation, default, required, *texts))
+    return found
 
 
 def check_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -154,27 +160,27 @@ def check_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]
         UnknownNameError: If no task has the name.
         UsageError: With everything that is wrong: unknown parameters and values that are not allowed.
     """
-    allowed, open_ended = _declared(tasks.get(name))
-    fields = {}
-    for item in allowed.values():
-        annotation = Annotated[item.annotation, _OF_A_SIZE]  # type: ignore[name-defined]
-        fields[item.name] = annotation if item.required else NotRequired[annotation]
-    given = TypedDict("given", fields)  # type: ignore[misc]  # its fields are known here only
-    given.__pydantic_config__ = ConfigDict(  # type: ignore[attr-defined]
-        strict=True,
-        allow_inf_nan=False,
-        arbitrary_types_allowed=True,
-        extra="allow" if open_ended else "forbid",
-    )
+
+    def accept(**values: Any) -> dict[str, Any]:
+        return values
+
+    taken = _taken(tasks.get(name))
+    accept.__signature__ = inspect.Signature(taken)  # type: ignore[attr-defined]
+    accept.__annotations__ = {
+        item.name: Annotated[item.annotation, AfterValidator(_of_a_size)] for item in taken
+    }
+    config = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
     try:
-        return dict(TypeAdapter(given).validate_python(dict(parameters)))
+        values = validate_call(config=config)(accept)(**parameters)
     except ValidationError as error:
         faults: dict[str, list[Any]] = {}
         for fault in error.errors():
             faults.setdefault(str(fault["loc"][0]), []).append(fault)
+        allowed = {item.name: item for item in parameters_of(name)}
         names = sorted(faults, key=lambda key: key not in parameters)  # what is missing comes last
         problems = [_problem(key, parameters, faults[key], allowed) for key in names]
         raise UsageError(f"task {name!r}: {'; '.join(problems)}") from None
+    return {key: values[key] for key in parameters}
 
 
 def _problem(
@@ -186,52 +192,41 @@ def _problem(
         return f"parameter {name!r} is unknown; {hint}allowed: {', '.join(allowed) or 'none'}"
     if name not in given:
         return f"parameter {name!r} is missing"
-    reasons = {
+    reasons = dict.fromkeys(
         fault["msg"].removeprefix("Value error, ")
-        + "".join(f" (entry {part})" for part in fault["loc"] if isinstance(part, int)): None
+        + "".join(f" (entry {part})" for part in fault["loc"] if isinstance(part, int))
         for fault in faults
-    }
+    )
     text, unit = repr(given[name]), allowed[name].unit
     text = text if len(text) <= 60 else text[:57] + "..."
     unit = f" ({unit})" if unit not in ("", "1") else ""
     return f"parameter {name!r}{unit} is {text}: {', '.join(reasons)}"
 
 
-def _declared(factory: Callable[..., Any]) -> tuple[dict[str, Parameter], bool]:
-    """Parameters of a factory's signature after the robot and q0, and True if it takes others, too."""
+def _taken(factory: Callable[..., Any]) -> list[inspect.Parameter]:
+    """Parameters that a factory takes after the robot and q0, by their names, with their types."""
     try:
         signature = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):  # some callables of other languages have no signature
-        return {}, False
-    found, open_ended = {}, False
-    for i, item in enumerate(signature):
-        if item.kind is item.VAR_KEYWORD:
-            open_ended = True
-        elif item.kind is item.KEYWORD_ONLY or (i > 1 and item.kind is item.POSITIONAL_OR_KEYWORD):
-            annotation, required = _type_of(factory, item), item.default is item.empty
-            declared = FieldInfo.from_annotation(annotation)
-            extra = declared.json_schema_extra
-            found[item.name] = Parameter(
-                item.name,
-                annotation,
-                default=None if required else item.default,
-                required=required,
-                unit=str(extra.get("unit", "")) if isinstance(extra, dict) else "",
-                meaning=declared.description or "",
-            )
-    return found, open_ended
-
-
-def _type_of(factory: Callable[..., Any], item: inspect.Parameter) -> Any:
-    if item.annotation is item.empty:
-        return Any
+        return []
     module = sys.modules.get(getattr(factory, "__module__", ""), None)
-    names = getattr(factory, "__globals__", None) or vars(module or SimpleNamespace())
-    alone = SimpleNamespace(__annotations__={item.name: item.annotation})
-    try:
-        return typing.get_type_hints(alone, names, include_extras=True)[item.name]
-    except NameError:  # known to type checkers only
-        return Any
+    scope = getattr(factory, "__globals__", None) or vars(module or SimpleNamespace())
+
+    def resolved(item: inspect.Parameter) -> inspect.Parameter:
+        written = SimpleNamespace(__annotations__={item.name: item.annotation})
+        annotation: Any = Any
+        if item.annotation is not item.empty:
+            with suppress(NameError):  # a name that type checkers alone know
+                annotation = typing.get_type_hints(written, scope, include_extras=True)[item.name]
+        kind = item.kind if item.kind is item.VAR_KEYWORD else item.KEYWORD_ONLY
+        return item.replace(annotation=annotation, kind=kind)
+
+    return [
+        resolved(item)
+        for i, item in enumerate(signature)
+        if item.kind in (item.KEYWORD_ONLY, item.VAR_KEYWORD)
+        or (i > 1 and item.kind is item.POSITIONAL_OR_KEYWORD)
+    ]
 
 
 # Use of a task by others -------------------------------------------------------------------------------
@@ -278,13 +273,12 @@ def task_map_of(task: Task) -> TaskMap:
 
 
 def task_parameters(task: Task) -> dict[str, Any]:
-    """Type of a task, and its fields if it is a dataclass."""
-    if not dataclasses.is_dataclass(task) or isinstance(task, type):
-        return {"type": type(task).__name__}
-    fields = {field.name: getattr(task, field.name) for field in dataclasses.fields(task)}
-    return {"type": type(task).__name__, **{key: _plain(value) for key, value in fields.items()}}
+    """Type of a task, and its fields if it is a dataclass; with lists for tuples, as files have them."""
 
+    def plain(value: Any) -> Any:
+        return [plain(item) for item in value] if isinstance(value, (tuple, list)) else value
 
-def _plain(value: Any) -> Any:
-    """A value with lists for tuples, as files have them."""
-    return [_plain(item) for item in value] if isinstance(value, (tuple, list)) else value
+    kind: Any = type(task)
+    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    values = {item.name: plain(getattr(task, item.name)) for item in fields}
+    return {"type": kind.__name__, **values}
