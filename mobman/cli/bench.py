@@ -2,44 +2,43 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import FrameType
+from typing import TYPE_CHECKING, Any, Self
 
 import click
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from mobman.cli.output import (
     FOLDER,
     JSON,
     POSITIVE,
-    Display,
     console,
     echo,
-    interrupted_once,
     number,
     print_json,
     table,
 )
-from mobman.cli.tune import tune
 from mobman.printable import printable
 
 if TYPE_CHECKING:
     from mobman.benchmark.runner import Event, Summary
-    from mobman.benchmark.suite import Suite
+    from mobman.benchmark.tuning.search import Step
+    from mobman.benchmark.tuning.tune import Plan
     from mobman.simulation.run_spec import RunSpec
 
 _MOST_NAMED = 40
+_COUNT = click.IntRange(min=1)
 
 
 @click.group()
 def bench() -> None:
     """Suites of the comparative benchmark: list, show, tune, run, report, merge."""
-
-
-bench.add_command(tune)
 
 
 @bench.command("list")
@@ -49,17 +48,12 @@ def list_command(as_json: bool) -> None:
     from mobman.benchmark.suite import list_suites, load_suite
 
     suites = [load_suite(name) for name in list_suites()]
-    rows = [
-        {"name": suite.name, "runs": suite.size(), "description": suite.description}
-        for suite in suites
-    ]
+    rows = [{"name": s.name, "runs": s.size(), "description": s.description} for s in suites]
     if as_json:
         print_json(rows)
-        return
-    listing = table("suite", "runs", "description", right={"runs"})
-    for row in rows:
-        listing.add_row(*map(str, row.values()))
-    console().print(listing)
+    else:
+        values = [row.values() for row in rows]
+        console().print(table("suite", "runs", "description", rows=values, right={"runs"}))
 
 
 @bench.command("show")
@@ -78,16 +72,6 @@ def show_command(suite: str, each: bool, as_json: bool) -> None:
         listing = [{"run_id": run.run_id, **run.as_dict()} for run in runs]
         print_json({"suite": chosen.model_dump(mode="json", by_alias=True), "runs": listing})
         return
-    out = console()
-    out.print(f"{chosen.name}: {chosen.description}")
-    out.print(_contents(chosen, runs))
-    out.print(_controllers(runs))
-    if each:
-        for run in runs:
-            echo(f"{run.run_id}  {run}")
-
-
-def _contents(suite: Suite, runs: list[RunSpec]) -> Table:
     simulated = sum(run.duration for run in runs)
     facts = {
         "runs": f"{len(runs)}, in {len({run.cell for run in runs})} cells; {simulated:g} s simulated",
@@ -97,28 +81,33 @@ def _contents(suite: Suite, runs: list[RunSpec]) -> Table:
         "durations": _names(f"{run.duration:g} s" for run in runs),
         "dt": _names(f"{run.dt:g} s" for run in runs),
         "seeds": _names(str(run.seed) for run in runs),
-        "time limit": f"{suite.time_limit:g} s a run, wall time",
-        "samples": f"one every {suite.record_period:g} s in the files",
+        "time limit": f"{chosen.time_limit:g} s a run, wall time",
+        "samples": f"one every {chosen.record_period:g} s in the files",
     }
-    listing = table()
-    listing.add_column(style="bold")
-    for name, fact in facts.items():
-        listing.add_row(name, fact)
-    return listing
+    contents = table(rows=facts.items())
+    contents.columns[0].style = "bold"
+    headings = ("controller", "law", "gains in addition to the defaults")
+    for part in (
+        f"{chosen.name}: {chosen.description}",
+        contents,
+        table(*headings, rows=_controllers(runs)),
+    ):
+        console().print(part)
+    if each:
+        for run in runs:
+            echo(f"{run.run_id}  {run}")
 
 
-def _controllers(runs: list[RunSpec]) -> Table:
+def _controllers(runs: list[RunSpec]) -> Iterator[tuple[str, str, str]]:
+    """Label, law and gains; with the robots, where a label has different gains on them."""
     robots: dict[tuple[str, str, str], dict[str, None]] = {}
     for run in runs:
         gains = ", ".join(f"{name} = {value}" for name, value in run.gains.items())
         robots.setdefault((run.label, run.law, gains), {})[run.robot] = None
     labels = [label for label, *_ in robots]
-    listing = table("controller", "law", "gains in addition to the defaults")
-    for key in sorted(robots, key=lambda key: labels.index(key[0])):
-        label, law, gains = key
-        note = f" ({', '.join(robots[key])})" if labels.count(label) > 1 else ""
-        listing.add_row(label, law, (gains or "none") + note)
-    return listing
+    for label, law, gains in sorted(robots, key=lambda key: labels.index(key[0])):
+        note = f" ({', '.join(robots[label, law, gains])})" if labels.count(label) > 1 else ""
+        yield label, law, (gains or "none") + note
 
 
 def _names(names: Iterable[str]) -> str:
@@ -147,7 +136,7 @@ def _part(
 @click.option(
     "-o", "--output", type=FOLDER, help="Folder of the results; results/SUITE by default."
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Processes; one a core by default.")
+@click.option("--workers", type=_COUNT, help="Processes; one a core by default.")
 @click.option(
     "--dask", metavar="ADDRESS", help="Run on the cluster of this Dask scheduler (tcp://host:8786)."
 )
@@ -180,7 +169,7 @@ def run_command(
 
     folder = output or Path("results") / chosen.name
     display = _SuiteDisplay()
-    with interrupted_once():
+    with _interrupted_once():
         try:
             with display:
                 summary = run_suite(chosen, folder, part=part, on_event=display.tell, **options)
@@ -214,6 +203,32 @@ def _leave(message: str) -> None:
     raise click.exceptions.Exit(130) from None
 
 
+@contextmanager
+def _interrupted_once() -> Iterator[None]:
+    """The first SIGINT or SIGTERM in the block interrupts it; later ones are ignored, while the block
+    clears up and while the process then ends."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signals = (signal.SIGINT, signal.SIGTERM)
+    interrupted = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+        for other in signals:
+            signal.signal(other, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in signals}
+    try:
+        yield
+    finally:
+        if not interrupted:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
 def _tell(summary: Summary) -> None:
     done = f"{summary.asked} runs: {summary.skipped} were there"
     if summary.outcomes:
@@ -228,18 +243,44 @@ def _tell(summary: Summary) -> None:
         echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
 
 
-class _SuiteDisplay(Display):
+class _Display:
+    """Progress of several runs, as a context: a bar on a terminal, lines elsewhere."""
+
+    def __init__(self, **options: Any) -> None:
+        self._console = console(stderr=True)
+        self.live = self._console.is_terminal
+        counts, note = (
+            TextColumn(f"{{task.fields[{name}]}}", markup=False) for name in ("counts", "note")
+        )
+        times = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
+        columns = (counts, BarColumn(), *times, note)
+        self._progress = Progress(*columns, console=self._console, disable=not self.live, **options)
+        self._bar = self._progress.add_task("runs", total=None, counts="", note="")
+
+    def __enter__(self) -> Self:
+        self._progress.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._progress.__exit__(None, None, None)
+
+    def say(self, text: str) -> None:
+        """Print a line, above the bar if there is one."""
+        if self.live:
+            self._console.print(text)
+        else:
+            echo(text, err=True)
+
+    def show(self, counts: str, note: str, **changes: Any) -> None:
+        """Change what the bar shows."""
+        self._progress.update(self._bar, counts=counts, note=printable(note), **changes)
+
+
+class _SuiteDisplay(_Display):
     """Shows a suite's events; the bar and the time left go by ticks, since runs differ in length."""
 
     def __init__(self) -> None:
-        super().__init__(
-            TextColumn("{task.fields[counts]}", markup=False),
-            BarColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            speed_estimate_period=float("inf"),  # a run may be longer than any period
-        )
+        super().__init__(speed_estimate_period=float("inf"))  # a run may be longer than any period
         self._ended = self._failed = self._running = 0
         self._note = ""
         self.asked = 0
@@ -251,17 +292,18 @@ class _SuiteDisplay(Display):
         """Show an event."""
         from mobman.benchmark import runner
 
+        change: dict[str, float] = {}
         match event:
             case runner.Started(asked, skipped, todo):
                 self.asked, self.there = asked, skipped
-                self._progress.update(self._bar, total=sum(run.duration / run.dt for run in todo))
+                change = {"total": sum(run.duration / run.dt for run in todo)}
             case runner.Running(count):
                 self._running = count
             case runner.Ended(outcome):
                 self.there += 1
                 self._failed += outcome.status == "failed"
                 self._ended += outcome.status in ("diverged", "singular")
-                self._progress.update(self._bar, advance=outcome.run.duration / outcome.run.dt)
+                change = {"advance": outcome.run.duration / outcome.run.dt}
                 if not self.live:
                     self.say(
                         f"[{self.there}/{self.asked}] {outcome.run}: {outcome.status}, "
@@ -277,7 +319,136 @@ class _SuiteDisplay(Display):
             f"{self.there}/{self.asked} runs, {self._running} running, {self._ended} diverged, "
             f"{self._failed} failed"
         )
-        self._progress.update(self._bar, counts=counts, note=printable(self._note))
+        self.show(counts, self._note, **change)
+
+
+# tune --------------------------------------------------------------------------------------------------
+
+
+@bench.command("tune")
+@click.argument("suite")
+@click.option(
+    "-o", "--output", type=FOLDER, help="Folder of the results; results/SUITE-tuning by default."
+)
+@click.option("--trials", type=_COUNT, help="Of each controller; the suite's by default.")
+@click.option("--workers", type=_COUNT, help="Processes; one a core by default.")
+@click.option(
+    "--controllers",
+    multiple=True,
+    metavar="LABEL",
+    help="Tune these alone; repeatable.  [default: all that have a search space]",
+)
+@click.option("--fresh", is_flag=True, help="Begin again, also where trials are there already.")
+@JSON
+def tune_command(
+    suite: str,
+    output: Path | None,
+    workers: int | None,
+    controllers: tuple[str, ...],
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Tune the controllers of SUITE (a name or a TOML file), and write it with the tuned gains.
+
+    Every controller has the same number of trials on the same runs, none of which the suite reports.
+    FOLDER/SUITE-tuned.toml compares its own gains with the tuned ones. Trials that are in the folder
+    are not done again: after Ctrl-C the same command goes on.
+    """
+    from mobman.benchmark.runner import default_workers
+    from mobman.benchmark.suite import load_suite
+    from mobman.benchmark.tuning.tune import tune_suite
+
+    chosen = load_suite(suite)
+    folder = output or Path("results") / f"{chosen.name}-tuning"
+    count = default_workers() if workers is None else workers
+    display = _TuningDisplay(count)
+    options |= {"controllers": controllers or None, "workers": count}
+    try:
+        with _interrupted_once(), display:
+            result = tune_suite(
+                chosen, folder, on_start=display.start, on_step=display.step, **options
+            )
+    except KeyboardInterrupt:
+        _leave(
+            f"interrupted; the trials that were done are kept in {folder}, the same command goes on "
+            "from there"
+        )
+    for label, why in result.left_out.items():
+        echo(f"mobman: not tuned: {label!r} {why}", err=True)
+    tuned: dict[str, dict[str, Any]] = {
+        label: {
+            "trials": len(trials),
+            "score_default": trials[0].score,
+            "score": result.best(label).score,
+            "trial": result.best(label).number,
+            "gains": result.best(label).gains,
+        }
+        for label, trials in result.trials.items()
+    }
+    if as_json:
+        files = {"suite": str(result.suite_file), "tuning": str(result.json_file)}
+        times = {"seconds": result.seconds}
+        print_json({**files, **times, "controllers": tuned, "not_tuned": dict(result.left_out)})
+        return
+    numbers, out = ("trials", "score", "tuned", "trial"), console()
+    listing = table("controller", *numbers, "gains", right=numbers)
+    for label, row in tuned.items():
+        trials, *scores, trial, found = row.values()
+        gains = ", ".join(f"{name} = {value:g}" for name, value in found.items())
+        texts = (str(trials), *(f"{score:.3f}" for score in scores), str(trial))
+        listing.add_row(label, *texts, gains or "the suite's own: no trial was better")
+    out.print(listing)
+    out.print(f"suite:  {result.suite_file}", soft_wrap=True)
+    out.print(f"trials: {result.json_file}", soft_wrap=True)
+
+
+class _TuningDisplay(_Display):
+    """Shows the trials of a tuning."""
+
+    def __init__(self, workers: int) -> None:
+        super().__init__()
+        self._workers = workers
+        self._scores: dict[str, float] = {}
+        self._seconds: list[float] = []
+
+    def start(self, plan: Plan) -> None:
+        """Show what will be done."""
+        self._plan, self._trials, self._runs = plan, plan.done, plan.done * plan.runs
+        gains = ", ".join(f"{label} ({count})" for label, count in plan.gains.items())
+        simulated = len(plan.gains) * plan.trials * plan.seconds
+        self._show(total=plan.total)
+        self.say(
+            f"{len(plan.gains)} controllers (gains to tune): {gains}; {plan.trials} trials each, "
+            f"{plan.runs} runs a trial: {plan.total} runs, {simulated:.0f} s of simulated time"
+            + (f"; {plan.done} trials were there" if plan.done else "")
+        )
+
+    def step(self, step: Step) -> None:
+        """Show that a run is done."""
+        self._runs += 1
+        self._seconds.append(step.run.seconds)
+        if step.trial is None:
+            self._show()
+            return
+        score, controllers = step.trial.score, len(self._plan.gains)
+        self._trials += 1
+        new = step.label not in self._scores
+        best = self._scores[step.label] = min(self._scores.get(step.label, score), score)
+        self._show()
+        if not self.live:
+            self.say(
+                f"[{self._trials}/{controllers * self._plan.trials}] {step.label} · trial "
+                f"{step.number}: {score:.3f}, best {best:.3f}"
+            )
+        # how long the rest takes, once there is a trial of each controller
+        if new and len(self._scores) == controllers:
+            each = sum(self._seconds) / len(self._seconds)
+            left = (self._plan.total - self._runs) * each / self._workers
+            self.say(f"about {left / 60:.1f} min to go with {self._workers} workers")
+
+    def _show(self, **changes: Any) -> None:
+        note = ", ".join(f"{label} {lowest:.2f}" for label, lowest in self._scores.items())
+        self.show(f"{self._runs}/{self._plan.total} runs", note, completed=self._runs, **changes)
 
 
 # report and merge --------------------------------------------------------------------------------------

@@ -65,9 +65,6 @@ def main() -> None:
     except MobmanError as error:
         _fail(str(error), error.exit_status)
     except (KeyboardInterrupt, click.Abort):
-        # Where it came while Python ran code from a string, as dataclasses are made, `python -m`
-        # would end by SIGINT in spite of the exit status; code that ends well undoes that.
-        exec("")
         _fail("interrupted", 130)
     except BrokenPipeError:
         # `mobman ... | head`: the reader has what it wanted

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-import signal
-import threading
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import Any, Self
+from typing import Any
 
 import click
 from rich.console import Console
 from rich.progress import (
     BarColumn,
     Progress,
-    ProgressColumn,
     TaskProgressColumn,
     TextColumn,
     TimeRemainingColumn,
@@ -57,17 +53,25 @@ def console(*, stderr: bool = False) -> Console:
     return _Console(stderr=stderr, highlight=False, markup=False, emoji=False)
 
 
-def table(*headings: str, right: Collection[str] = (), no_wrap: bool = False) -> Table:
+def table(
+    *headings: str,
+    rows: Iterable[Iterable[object]] = (),
+    right: Collection[str] = (),
+    no_wrap: bool = False,
+) -> Table:
     """A table without lines.
 
     Args:
         headings: Headings of the columns; without any, rows make the columns.
+        rows: What stands in the first rows.
         right: Headings of the columns that are aligned right.
         no_wrap: Whether the cells stay on one line.
     """
     made = Table(box=None, pad_edge=False, show_header=bool(headings))
     for heading in headings:
         made.add_column(heading, justify="right" if heading in right else "left", no_wrap=no_wrap)
+    for row in rows:
+        made.add_row(*map(str, row))
     return made
 
 
@@ -96,39 +100,6 @@ def _finite(value: Any) -> Any:
     return value
 
 
-class Display:
-    """Progress of several runs, as a context: a bar on a terminal, lines elsewhere.
-
-    Args:
-        columns: Columns of the bar, beside its note.
-        options: Those of rich's ``Progress``.
-    """
-
-    def __init__(self, *columns: ProgressColumn, **options: Any) -> None:
-        self._console = console(stderr=True)
-        self.live = self._console.is_terminal
-        """True if there is a bar."""
-        note = TextColumn("{task.fields[note]}", markup=False)
-        self._progress = Progress(
-            *columns, note, console=self._console, disable=not self.live, **options
-        )
-        self._bar = self._progress.add_task("runs", total=None, counts="", note="")
-
-    def __enter__(self) -> Self:
-        self._progress.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._progress.__exit__(None, None, None)
-
-    def say(self, text: str) -> None:
-        """Print a line, above the bar if there is one."""
-        if self.live:
-            self._console.print(text)
-        else:
-            echo(text, err=True)
-
-
 @contextmanager
 def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
     """A bar on stderr, where that is a terminal; gives what moves it, by the fraction done."""
@@ -144,29 +115,3 @@ def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
     ) as progress:
         bar = progress.add_task(printable(text), total=1.0)
         yield lambda fraction: progress.update(bar, completed=fraction)
-
-
-@contextmanager
-def interrupted_once() -> Iterator[None]:
-    """The first SIGINT or SIGTERM in the block interrupts it; later ones are ignored, while the block
-    clears up and while the process then ends."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    signals = (signal.SIGINT, signal.SIGTERM)
-    interrupted = False
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal interrupted
-        interrupted = True
-        for other in signals:
-            signal.signal(other, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in signals}
-    try:
-        yield
-    finally:
-        if not interrupted:
-            for number, handler in before.items():
-                signal.signal(number, handler)

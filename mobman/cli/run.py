@@ -36,34 +36,63 @@ _PATIENCE = 15.0  # s that a run waits for the browser
 _TOLD = 5
 
 
+def _values(
+    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, Any]:
+    """NAME=VALUE texts as a dictionary; values are JSON, or else text."""
+    values: dict[str, Any] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise click.BadParameter(f"{text!r} is not NAME=VALUE", param_hint=parameter.opts[0])
+        if name in values:
+            raise click.BadParameter(f"{name} is given twice", param_hint=parameter.opts[0])
+        try:
+            values[name] = json.loads(value)
+        except json.JSONDecodeError:
+            values[name] = value
+    return values
+
+
+def _speed(context: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
+    """Simulated seconds a second; inf for as fast as it goes."""
+    if text is None:
+        return None
+    try:
+        speed = math.inf if text == "max" else float(text)
+    except ValueError:
+        speed = math.nan
+    if not speed > 0.0 or (math.isinf(speed) and text != "max"):
+        raise click.BadParameter(
+            f"{text!r} is neither a positive number nor max", param_hint=parameter.opts[0]
+        )
+    return speed
+
+
+_PAIRS: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE", "callback": _values}
+_SHOWN: dict[str, Any] = {"show_default": True}
+
+
 @click.command()
 @click.argument("robot")
-@click.option("--controller", default="tsm", show_default=True, help="Control law.")
-@click.option("--task", default="circle", show_default=True, help="Task of the tip.")
+@click.option("--controller", default="tsm", **_SHOWN, help="Control law.")
+@click.option("--task", default="circle", **_SHOWN, help="Task of the tip.")
 @click.option(
-    "--task-option",
-    "task_options",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="A parameter of the task, such as radius=0.3; repeatable.",
+    "--task-option", **_PAIRS, help="A parameter of the task, such as radius=0.3; repeatable."
 )
-@click.option("--duration", type=float, default=10.0, show_default=True, help="s.")
-@click.option("--dt", type=float, default=1e-3, show_default=True, help="Sampling period, s.")
-@click.option(
-    "--scenario", default="nominal", show_default=True, help="Scenario, or its TOML file."
-)
+@click.option("--duration", type=float, default=10.0, **_SHOWN, help="s.")
+@click.option("--dt", type=float, default=1e-3, **_SHOWN, help="Sampling period, s.")
+@click.option("--scenario", default="nominal", **_SHOWN, help="Scenario, or its TOML file.")
 @click.option(
     "--seed",
     type=click.IntRange(0, 2**63 - 1),
     default=0,
-    show_default=True,
+    **_SHOWN,
     help="Of the scenario's randomness.",
 )
 @click.option(
     "--gain",
-    "gains",
-    multiple=True,
-    metavar="NAME=VALUE",
+    **_PAIRS,
     help="A gain of the controller, such as a=0.2 or discretization=explicit; repeatable.",
 )
 @click.option("-o", "--output", type=FILE, help="HDF5 file for the record.")
@@ -74,6 +103,7 @@ _TOLD = 5
 @click.option(
     "--live-speed",
     metavar="X|max",
+    callback=_speed,
     help="Simulated seconds a second, or as fast as it goes; means --live.  [default: 1]",
 )
 @click.option("--no-browser", is_flag=True, help="With --live: print the address, open no browser.")
@@ -82,16 +112,16 @@ def run(
     robot: str,
     controller: str,
     task: str,
-    task_options: tuple[str, ...],
+    task_option: dict[str, Any],
     duration: float,
     dt: float,
     scenario: str,
     seed: int,
-    gains: tuple[str, ...],
+    gain: dict[str, Any],
     output: Path | None,
     as_json: bool,
     live: bool,
-    live_speed: str | None,
+    live_speed: float | None,
     no_browser: bool,
     port: int | None,
 ) -> None:
@@ -102,22 +132,20 @@ def run(
     from mobman.controllers.protocol import make_controller
     from mobman.model.build import load_robot
     from mobman.simulation.scenario import load_scenario
-    from mobman.simulation.simulate import simulate
+    from mobman.simulation.simulate import seconds, simulate
     from mobman.tasks.task import check_parameters, make_task
 
-    speed = _speed(live_speed)
     model = load_robot(robot)
-    law = make_controller(controller, **_values(gains, "--gain"))
-    options = check_parameters(task, _values(task_options, "--task-option"))
+    law = make_controller(controller, **gain)
+    options = check_parameters(task, task_option)
     aim = make_task(task, model, **options)
     resolved = load_scenario(scenario)
+    settings: dict[str, Any] = {"duration": duration, "dt": dt, "scenario": resolved, "seed": seed}
     if output is not None:
         _check_writable(output)
     with ExitStack() as closing:
         watched: LiveRun | None = None
-        looking: dict[str, Any] = {}
         if live or live_speed is not None:
-            from mobman.simulation.simulate import seconds
             from mobman.viewer.live import LiveRun
             from mobman.viewer.view import View
 
@@ -126,27 +154,17 @@ def run(
                 task,
                 task_options=options,
                 duration=seconds("duration", duration),
-                speed=speed,
+                speed={None: 1.0, math.inf: None}.get(live_speed, live_speed),
                 controller=controller,
                 scenario=resolved.name,
                 seed=seed,
             )
             shown = View(watched.scene, port=port, frames=watched.frames)
             _open(watched, closing.enter_context(shown), no_browser)
-            looking = {"observe": watched.observe, "observe_every": watched.every}
+            settings |= {"observe": watched.observe, "observe_every": watched.every}
         title = f"{model.name} · {task} · {resolved.name} · {controller}"
         with progress_bar(title) as progress:
-            record = simulate(
-                model,
-                law,
-                aim,
-                duration=duration,
-                dt=dt,
-                scenario=resolved,
-                seed=seed,
-                progress=progress,
-                **looking,
-            )
+            record = simulate(model, law, aim, progress=progress, **settings)
         tell(record, None if output is None else record.save(output), as_json=as_json)
         if watched is not None:
             # the page gets the whole run and stays until Ctrl-C: the way to end it, not a failure
@@ -157,36 +175,6 @@ def run(
                 echo(err=True)
     if not _went_well(record):
         raise click.exceptions.Exit(1)
-
-
-def _values(texts: tuple[str, ...], option: str) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals or not name:
-            raise click.BadParameter(f"{text!r} is not NAME=VALUE", param_hint=option)
-        if name in values:
-            raise click.BadParameter(f"{name} is given twice", param_hint=option)
-        try:
-            values[name] = json.loads(value)
-        except json.JSONDecodeError:
-            values[name] = value
-    return values
-
-
-def _speed(text: str | None) -> float | None:
-    """Simulated seconds a second; None for as fast as it goes."""
-    if text == "max":
-        return None
-    try:
-        speed = 1.0 if text is None else float(text)
-    except ValueError:
-        speed = math.nan
-    if not (math.isfinite(speed) and speed > 0.0):
-        raise click.BadParameter(
-            f"{text!r} is neither a positive number nor max", param_hint="--live-speed"
-        )
-    return speed
 
 
 def _check_writable(path: Path) -> None:
