@@ -38,6 +38,8 @@ class Remark(NamedTuple):
     status: Status
     found: str
     fix: str
+    alone: bool = False
+    """True if it is left out where the check makes others."""
 
 
 Function = Callable[[Subject], Iterable[Remark]]
@@ -104,7 +106,8 @@ def run_checks(
                     "check is",
                 )
             )
-        found += [Finding(item.name, *remark) for remark in remarks or [ok(item.meaning)]]
+        remarks = [mark for mark in remarks if not mark.alone or len(remarks) == 1]
+        found += [Finding(item.name, *mark[:3]) for mark in remarks or [ok(item.meaning)]]
     return found
 
 
@@ -117,6 +120,11 @@ _WEIGHTS = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 def ok(found: str) -> Remark:
     """Nothing is to be done."""
     return Remark("ok", found, "")
+
+
+def all_ok(found: str) -> Remark:
+    """Nothing is to be done, unless the check makes another remark."""
+    return Remark("ok", found, "", alone=True)
 
 
 def does_not_apply(reason: str) -> Remark:

@@ -9,6 +9,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.checks.checks import (
     Remark,
+    all_ok,
     check,
     derivative,
     does_not_apply,
@@ -23,6 +24,7 @@ from mobman.errors import SingularityError
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap
+from mobman.tasks.singular import least_singular_value
 
 _STATES = 50
 _RESIDUAL = 1e-9  # of the largest products in A N
@@ -46,23 +48,18 @@ def constraints(subject: Subject) -> Iterator[Remark]:
         ranks_a.add(_rank(a))
         ranks_n.add(_rank(n))
     fix = f"check [platform] of robot {robot.name!r} (type {robot.spec.platform.type!r})"
-    remarks = []
     if not residual <= _RESIDUAL:
-        found = f"A N is not 0 but up to {residual:.2g} of its terms, at random states"
-        remarks.append(wrong(found, fix))
+        yield wrong(f"A N is not 0 but up to {residual:.2g} of its terms, at random states", fix)
     for name, ranks, full in (("A", ranks_a, k), ("N", ranks_n, p)):
         if ranks != {full}:
             listing = ", ".join(map(str, sorted(ranks)))
-            found = f"{name} has rank {listing} at random states; needed: {full}"
-            remarks.append(wrong(found, fix))
-    remarks += _rolling(subject)
-    yield from remarks
-    if not remarks:
-        wheels = ", ".join(f"{w.joint} (R = {w.radius:g} m)" for w in robot.platform.wheels)
-        yield ok(
-            f"A ({k} x {l}) of rank {k}, N ({l} x {p}) of rank {p}, |A N| below {residual:.1g} of its "
-            f"terms; wheels: {wheels or 'none among the coordinates'}"
-        )
+            yield wrong(f"{name} has rank {listing} at random states; needed: {full}", fix)
+    yield from _rolling(subject)
+    wheels = ", ".join(f"{w.joint} (R = {w.radius:g} m)" for w in robot.platform.wheels)
+    yield all_ok(
+        f"A ({k} x {l}) of rank {k}, N ({l} x {p}) of rank {p}, |A N| below {residual:.1g} of its "
+        f"terms; wheels: {wheels or 'none among the coordinates'}"
+    )
 
 
 def _rank(matrix: Array) -> int:
@@ -190,7 +187,7 @@ def singularities(subject: Subject) -> Iterator[Remark]:
         yield does_not_apply(f"{robot.nz} degrees of freedom, fewer than the tip's {m}")
         return
     states = [robot.q_rest, *(q for q, _ in subject.states(_POSTURES))]
-    tips = [_least(robot.tip_jacobian(q)[:m] @ robot.velocity_map(q)) for q in states]
+    tips = [least_singular_value(robot.tip_jacobian(q)[:m] @ robot.velocity_map(q)) for q in states]
     remarks = list(_posture(subject, states, tips))
     yield from remarks
     if any(remark.status == "wrong" for remark in remarks):
@@ -211,12 +208,11 @@ def singularities(subject: Subject) -> Iterator[Remark]:
             f"(conditioning below {_UNEQUAL:g})",
             fix,
         )
-    elif not remarks:
-        yield ok(
-            f"smallest singular value of the tip's Jacobian J_f C at rest: {tips[0]:.2g}; conditioning "
-            f"of the extended Jacobian: {at_rest:.2g} at rest, {np.median(elsewhere):.2g} at random "
-            "postures (median)"
-        )
+    yield all_ok(
+        f"smallest singular value of the tip's Jacobian J_f C at rest: {tips[0]:.2g}; conditioning "
+        f"of the extended Jacobian: {at_rest:.2g} at rest, {np.median(elsewhere):.2g} at random "
+        "postures (median)"
+    )
 
 
 def _posture(subject: Subject, states: list[Array], tips: list[float]) -> Iterator[Remark]:
@@ -241,7 +237,7 @@ def _posture(subject: Subject, states: list[Array], tips: list[float]) -> Iterat
         values = found.format(tips[0], max(tips))
         yield grade(f"the tip's Jacobian J_f C is {how}singular at rest: {values}", fix)
         return
-    arm = [_least(robot.tip_jacobian(q)[:m, robot.arm_index]) for q in states]
+    arm = [least_singular_value(robot.tip_jacobian(q)[:m, robot.arm_index]) for q in states]
     # an arm that moves its tip in a plane only does no better anywhere
     if max(arm) > rounding and arm[0] <= _NEARLY * max(arm):
         yield warning(
@@ -249,13 +245,6 @@ def _posture(subject: Subject, states: list[Array], tips: list[float]) -> Iterat
             + found.format(arm[0], max(arm)),
             fix,
         )
-
-
-def _least(jacobian: Array) -> float:
-    """The smallest singular value, of as many as there are rows."""
-    if jacobian.shape[1] < jacobian.shape[0]:
-        return 0.0
-    return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
 
 def _conditioning(extended: ExtendedJacobian, q: Array, m: int) -> float:
@@ -274,8 +263,7 @@ def _conditioning(extended: ExtendedJacobian, q: Array, m: int) -> float:
     if min(sizes) == 0.0:
         return 0.0
     scaled = np.vstack([part / size for part, size in zip(parts, sizes, strict=True)])
-    singular = np.linalg.svd(scaled, compute_uv=False)
-    return float(singular[-1] / singular[0])
+    return 1.0 / float(np.linalg.cond(scaled))
 
 
 # Derivatives -------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mobman.checks.checks import (
     Remark,
+    all_ok,
     check,
     does_not_apply,
     named_wheels,
@@ -36,19 +37,18 @@ def ground(subject: Subject) -> Iterator[Remark]:
     if len(robot.platform_index) == 0:
         yield does_not_apply("the base is fixed: the ground is wherever its user has it")
         return
-    remarks = list(_levels(subject))
-    remarks += [remark for wheel in robot.platform.wheels for remark in _wheel(subject, wheel)]
+    yield from _levels(subject)
+    for wheel in robot.platform.wheels:
+        yield from _wheel(subject, wheel)
     lowest = {link.name: _lowest(subject, link) for link in subject.links.values() if link.solid}
-    remarks += _heights(subject, lowest)
-    yield from remarks
-    if not remarks:
-        count = len(robot.platform.wheels)
-        wheels = f"{count} wheels on the ground" if count else "no wheels among the coordinates"
-        if not lowest:
-            yield ok(f"{wheels}; there is no geometry to look at")
-            return
-        name = min(lowest, key=lowest.__getitem__)
-        yield ok(f"{wheels}; lowest is link {name!r} at {round(1e3 * lowest[name], 1) + 0.0:g} mm")
+    yield from _heights(subject, lowest)
+    count = len(robot.platform.wheels)
+    wheels = f"{count} wheels on the ground" if count else "no wheels among the coordinates"
+    if not lowest:
+        yield all_ok(f"{wheels}; there is no geometry to look at")
+        return
+    name = min(lowest, key=lowest.__getitem__)
+    yield all_ok(f"{wheels}; lowest is link {name!r} at {round(1e3 * lowest[name], 1) + 0.0:g} mm")
 
 
 def _levels(subject: Subject) -> Iterator[Remark]:
@@ -180,33 +180,26 @@ def meshes(subject: Subject) -> Iterator[Remark]:
         yield does_not_apply("the robot has no meshes")
         return
     named, reader = [mesh for mesh, _ in subject.meshes], subject.mesh_reader
-    remarks = []
     # the equations need no mesh, so that none of this is worse than a warning
     if missing := [mesh for mesh in named if mesh.path is None]:
-        remarks.append(
-            warning(
-                _listed(missing, "missing"),
-                "put the files there, or name their packages' folder in field 'urdf.packages' of robot "
-                f"{subject.robot.name!r}; the equations need none, the viewer does",
-            )
+        yield warning(
+            _listed(missing, "missing"),
+            "put the files there, or name their packages' folder in field 'urdf.packages' of robot "
+            f"{subject.robot.name!r}; the equations need none, the viewer does",
         )
     paths = dict.fromkeys(mesh.path for mesh in named if mesh.path is not None)
     if reasons := [reader.unreadable[path] for path in paths if reader.vertices(path) is None]:
-        remarks.append(
-            warning(
-                f"{_meshes(len(reasons))} unreadable: {some(reasons, '; ')}",
-                "replace these files: they are damaged, or of a format that is not read (STL, DAE and "
-                "OBJ are)",
-            )
+        yield warning(
+            f"{_meshes(len(reasons))} unreadable: {some(reasons, '; ')}",
+            "replace these files: they are damaged, or of a format that is not read (STL, DAE and "
+            "OBJ are)",
         )
     if outside := [mesh for mesh, urdf in subject.meshes if _does_not_travel(mesh, urdf)]:
-        remarks.append(
-            warning(
-                _listed(outside, "outside the URDF's package"),
-                "name these meshes by package://NAME/..., or relative to the URDF",
-            )
+        yield warning(
+            _listed(outside, "outside the URDF's package"),
+            "name these meshes by package://NAME/..., or relative to the URDF",
         )
-    yield from remarks or [ok(f"{len(paths)} files, all read")]
+    yield all_ok(f"{len(paths)} files, all read")
 
 
 def _does_not_travel(mesh: MeshReference, urdf: UrdfFile) -> bool:

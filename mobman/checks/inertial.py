@@ -10,7 +10,17 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.checks.checks import Remark, check, derivative, ok, relative, some, warning, wrong
+from mobman.checks.checks import (
+    Remark,
+    all_ok,
+    check,
+    derivative,
+    ok,
+    relative,
+    some,
+    warning,
+    wrong,
+)
 from mobman.checks.subject import Link, Subject
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.shapes import bounds
@@ -237,15 +247,13 @@ def gravity(subject: Subject) -> Iterator[Remark]:
     _, bias, b = robot.dynamics(robot.q_rest, np.zeros(robot.nz))
     holding: Array = robot.actuation(robot.q_rest) @ np.linalg.solve(b, bias)
     pull = np.array(robot.model.gravity.linear)
-    remarks = []
     if np.any(np.abs(pull[:2]) > 1e-9) or not _EARTH[0] <= -pull[2] <= _EARTH[1]:
-        remarks.append(
-            wrong(
-                f"gravity is {pull.round(4).tolist()} m/s^2",
-                "set model.gravity to 9.81 m/s^2 along -z: the platform drives on level ground",
-            )
+        yield wrong(
+            f"gravity is {pull.round(4).tolist()} m/s^2",
+            "set model.gravity to 9.81 m/s^2 along -z: the platform drives on level ground",
         )
-    remarks += [*_gradient(subject), *_on_the_platform(subject, bias)]
+    yield from _gradient(subject)
+    yield from _on_the_platform(subject, bias)
     units = {name: "N m" if subject.turns(name) else "N" for name in robot.joint_names}
     limits = robot.model.effortLimit
     arm = {robot.joint_names[i]: (abs(float(holding[i])), limits[i]) for i in robot.arm_index}
@@ -255,17 +263,13 @@ def gravity(subject: Subject) -> Iterator[Remark]:
         if 0.0 < effort < force
     )
     if weak:
-        remarks.append(
-            warning(
-                f"the motors cannot hold the rest posture: {weak}",
-                f"choose another [rest] of robot {robot.name!r}, or check <limit effort> of these "
-                f"joints and the masses behind them in {subject.files}",
-            )
+        yield warning(
+            f"the motors cannot hold the rest posture: {weak}",
+            f"choose another [rest] of robot {robot.name!r}, or check <limit effort> of these "
+            f"joints and the masses behind them in {subject.files}",
         )
-    yield from remarks
-    if not remarks:
-        name = max(arm, key=lambda name: arm[name][0])
-        yield ok(f"held at rest by at most {arm[name][0]:.3g} {units[name]}, of joint {name!r}")
+    name = max(arm, key=lambda name: arm[name][0])
+    yield all_ok(f"held at rest by at most {arm[name][0]:.3g} {units[name]}, of joint {name!r}")
 
 
 def _gradient(subject: Subject) -> Iterator[Remark]:
@@ -317,8 +321,9 @@ _STEERING = 0.5 * math.pi - 1e-3  # rad
 
 @check("limits", "limits are there, in radians and metres, and the rest posture is inside them")
 def limits(subject: Subject) -> Iterator[Remark]:
-    remarks = [*_rest(subject), *_missing(subject), *_units(subject), *_steering(subject)]
-    yield from remarks or [ok("positions, velocities and efforts are limited, and rest is inside")]
+    for part in (_rest, _missing, _units, _steering):
+        yield from part(subject)
+    yield all_ok("positions, velocities and efforts are limited, and rest is inside")
 
 
 def _rest(subject: Subject) -> Iterator[Remark]:

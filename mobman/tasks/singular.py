@@ -90,7 +90,8 @@ def kinematic_singularity(
     # what does not matter is rounded, to be the same on all machines
     lateral = np.round(displacement - reach * way, _DIGITS)
     end = place.tip + lateral + (round(reach, 2 * _DIGITS) + depth) * way
-    value = round(least_singular_value(robot, farthest), _DIGITS)
+    j_e = robot.tip_jacobian(farthest)[:3] @ robot.velocity_map(farthest)
+    value = round(least_singular_value(j_e), _DIGITS)
     return SingularPath(*excursion([place.tip, end], travel, pause), True, name, depth, value)
 
 
@@ -162,12 +163,11 @@ def algorithmic_singularity(
     return SingularPath(points, times, True, name, depth, value)
 
 
-def least_singular_value(robot: MobileManipulator, q: Array) -> float:
-    """Least one of j_e = J_f C (43), the tip's three rows; 0 where j of (13) loses its rank."""
-    j_e = robot.tip_jacobian(q)[:3] @ robot.velocity_map(q)
-    if j_e.shape[1] < len(j_e):
+def least_singular_value(jacobian: Array) -> float:
+    """Least singular value, of as many as there are rows; of j_e (43), 0 where j of (13) is singular."""
+    if jacobian.shape[1] < len(jacobian):
         return 0.0
-    return float(np.linalg.svd(j_e, compute_uv=False)[-1])
+    return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
 
 # The farthest point of an arm along a direction --------------------------------------------------------
@@ -475,4 +475,4 @@ class SolutionLine:
         """Keep what follows from J, which is that of a last, tiny correction of q ago."""
         J = self._extended.J
         self._complement = self._extended.complement.copy()
-        self.singular_value = float(np.linalg.svd(J[:3], compute_uv=False)[-1])
+        self.singular_value = least_singular_value(J[:3])

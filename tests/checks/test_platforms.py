@@ -88,7 +88,7 @@ def test_base_that_drives_does_not_claim_what_it_cannot_know(on_platform):
 
 def test_run_on_a_small_circle_is_no_success_of_a_base_that_drives(on_platform, monkeypatch):
     from mobman.checks import closed_loop
-    from mobman.checks.reach import circle
+    from mobman.checks.closed_loop import circle
 
     monkeypatch.setattr(
         closed_loop,

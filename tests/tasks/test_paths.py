@@ -9,7 +9,7 @@ import pytest
 from support.differences import derivative
 
 import mobman as mm
-from mobman.checks.reach import CLOSE, gaps
+from mobman.checks.closed_loop import CLOSE, gaps
 from mobman.checks.subject import Subject
 from mobman.errors import UsageError
 from mobman.kernels.program import program
