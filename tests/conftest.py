@@ -40,22 +40,6 @@ def pytest_xdist_auto_num_workers():
     return (os.cpu_count() or 1) + 1
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config, log):
-    """By file, but the viewer's tests by robot, whose page serves several files."""
-    if config.getvalue("dist") != "loadfile":
-        return None
-    from xdist.scheduler import LoadFileScheduling
-
-    class ByFileOrPage(LoadFileScheduling):
-        def _split_scope(self, nodeid):
-            file = super()._split_scope(nodeid)
-            first = nodeid.rpartition("[")[2].removesuffix("]").split("-")[0]
-            return f"page of {first}" if "/viewer/" in file and first in PLATFORM else file
-
-    return ByFileOrPage(config, log)
-
-
 # Tests that need a browser are skipped where none is installed, unless this variable is set.
 REQUIRED = "MOBMAN_REQUIRE_BROWSER"
 NO_BROWSER = "no browser is installed; it is optional, and make browser installs one"

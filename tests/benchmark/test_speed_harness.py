@@ -305,6 +305,7 @@ def test_the_tolerance_that_is_kept_counts(result, kept, tmp_path):
 
 def test_exit_status_tells_a_pass_from_a_fail(result, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(speed, "measure", lambda options: result)
+    monkeypatch.setattr("measure.plot.draw", lambda result, path: path.write_text("<svg/>"))
     monkeypatch.setattr(speed, "BASELINE", tmp_path / "baseline.json")
     docs = tmp_path / "docs"
     (docs / "images").mkdir(parents=True)

@@ -11,6 +11,7 @@ import json
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -167,7 +168,8 @@ def _small_results(folder: Path) -> None:
             "groups": [{"robots": ["youbot"], "tasks": ["paper"]}],
         }
     )
-    run_suite(suite, folder, workers=1)
+    with ThreadPoolExecutor(1) as pool:
+        run_suite(suite, folder, executor=pool)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -21,8 +21,8 @@ LAWS = ["pseudo-inverse", "tsm"]
 
 
 @pytest.fixture
-def cluster(tmp_path):
-    with dask_cluster(tmp_path, workers=2) as cluster:
+def cluster(tmp_path, request):
+    with dask_cluster(tmp_path, workers=getattr(request, "param", 2)) as cluster:
         yield cluster
 
 
@@ -92,6 +92,7 @@ def test_a_run_that_kills_workers_is_told_and_the_others_done(tmp_path, monkeypa
     assert again.count("deadly") == 2
 
 
+@pytest.mark.parametrize("cluster", [1], indirect=True)
 def test_a_scheduler_that_is_lost_ends_the_suite_clearly(tmp_path, cluster):
     suite = suite_of(LAWS, seeds=10)
 
@@ -114,6 +115,7 @@ def test_an_address_where_nothing_answers_is_told(tmp_path):
         run_suite(suite_of(LAWS), tmp_path / "r", dask="nothing://x y")
 
 
+@pytest.mark.parametrize("cluster", [1], indirect=True)
 def test_another_version_there_is_told(tmp_path, cluster, monkeypatch):
     from mobman.benchmark.running import cluster as module
 
