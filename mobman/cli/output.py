@@ -1,23 +1,15 @@
-"""Shared by the sub-commands: types of options, JSON for scripts, tables and progress for people."""
+"""Shared by the sub-commands: types of options, JSON for scripts, tables for people."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
@@ -98,20 +90,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_finite(item) for item in value]
     return value
-
-
-@contextmanager
-def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
-    """A bar on stderr, where that is a terminal; gives what moves it, by the fraction done."""
-    screen = console(stderr=True)
-    with Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        console=screen,
-        transient=True,
-        disable=not screen.is_terminal,
-    ) as progress:
-        bar = progress.add_task(printable(text), total=1.0)
-        yield lambda fraction: progress.update(bar, completed=fraction)

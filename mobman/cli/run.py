@@ -21,9 +21,9 @@ from mobman.cli.output import (
     echo,
     number,
     print_json,
-    progress_bar,
     table,
 )
+from mobman.cli.progress import progress_bar
 from mobman.errors import MobmanError, RecordError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ _SHOWN: dict[str, Any] = {"show_default": True}
     type=click.IntRange(0, 2**63 - 1),
     default=0,
     **_SHOWN,
-    help="Of the scenario's randomness.",
+    help="Random seed of the scenario.",
 )
 @click.option(
     "--gain",

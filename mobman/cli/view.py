@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from mobman.cli.output import FILE, PORT, POSITIVE, echo, progress_bar
+from mobman.cli.output import FILE, PORT, POSITIVE, echo
+from mobman.cli.progress import progress_bar
 
 _ENDINGS = {"html": (".html", ".htm"), "png": (".png",), "gif": (".gif",), "mp4": (".mp4",)}
 
