@@ -24,7 +24,7 @@ from mobman.cli.output import (
     table,
 )
 from mobman.cli.progress import progress_bar
-from mobman.errors import MobmanError, RecordError
+from mobman.errors import FOREIGN_ERRORS, MobmanError, RecordError
 
 if TYPE_CHECKING:
     from mobman.simulation.record import Record
@@ -326,11 +326,11 @@ def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
     from mobman.model.build import load_robot
     from mobman.simulation.rerun import Own
 
-    law = None
-    if controller is not None:
+    law = None if controller is None else _code(controller, "--controller")
+    if law is not None:
         try:
-            law = _code(controller, "--controller")()
-        except (Exception, SystemExit) as error:  # the user's code may raise anything
+            law = law()
+        except FOREIGN_ERRORS as error:
             raise click.BadParameter(
                 f"calling {controller} failed: {error!r}", param_hint="--controller"
             ) from error

@@ -81,6 +81,7 @@ def test_repeated_run_is_printed_and_saved(good, tmp_path):
         (["a.h5", "--tolerance", "1"], "--tolerance goes with --verify"),
         (["a.h5", "--verify", "--tolerance", "-1"], "-1.0 is not a number from 0 on"),
         (["a.h5", "--verify", "--tolerance", "nan"], "nan is not a number from 0 on"),
+        (["a.h5", "--controller", "law"], "--controller: 'law' is not FILE.py:NAME"),
         ([], "Missing argument"),
     ],
 )
