@@ -42,8 +42,8 @@ def inertias(subject: Subject) -> Iterator[Remark]:
     total = float(sum(link.mass or 0.0 for link in weighing))
     yield from _masses(subject)
     yield from _moments(subject, weighing)
-    yield from _densities(subject, weighing, total)
-    yield from _centres(subject, weighing, total)
+    yield from _densities(weighing, total)
+    yield from _centres(weighing, total)
     yield from _proportions(subject, total)
     yield from _condition(subject)
     yield ok(
@@ -52,8 +52,8 @@ def inertias(subject: Subject) -> Iterator[Remark]:
     )
 
 
-def _where(subject: Subject, links: Iterable[Link]) -> str:
-    return some(sorted({subject.file_of(link.name) for link in links}))
+def _where(links: Iterable[Link]) -> str:
+    return some(sorted({link.file for link in links}))
 
 
 def _named(links: Iterable[Link]) -> str:
@@ -74,7 +74,7 @@ def _masses(subject: Subject) -> Iterator[Remark]:
             without[name] = body[0]
     if not without:
         return
-    where = _where(subject, without.values())
+    where = _where(without.values())
     fix = f"give an <inertial> with <mass> and <inertia> to these links in {where}"
     listing = some(f"link {link.name!r} (joint {name!r})" for name, link in without.items())
     found = f"moves without mass: {listing}"
@@ -103,7 +103,7 @@ def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Remark]:
         if links := [link for link in negative if (link.name in spoilt) is spoils]:
             yield grade(
                 f"negative principal moment of inertia, {consequence}: {_values(links)}",
-                f"check the signs and the unit (kg m^2) of <inertia> in {_where(subject, links)}",
+                f"check the signs and the unit (kg m^2) of <inertia> in {_where(links)}",
             )
     for joint, moments in bodies.items():
         if abs(moments[0]) > _ZERO:
@@ -112,7 +112,7 @@ def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Remark]:
         text = ", ".join(f"{moment:.3g}" for moment in moments)
         yield warning(
             f"mass without all moments of inertia ({text}): what joint {joint!r} moves",
-            f"give <inertia> to {_named(links)} in {_where(subject, links)}",
+            f"give <inertia> to {_named(links)} in {_where(links)}",
         )
     impossible = [
         link
@@ -123,13 +123,13 @@ def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Remark]:
     if impossible:
         yield warning(
             f"two principal moments do not add up to the third: {_values(impossible)}",
-            f"check <inertia> of these links in {_where(subject, impossible)}: no body has such moments",
+            f"check <inertia> of these links in {_where(impossible)}: no body has such moments",
         )
     massless = [link for link in subject.links.values() if link.mass == 0.0]
     if empty := [link for link in massless if np.any(link.moments > _ZERO)]:
         yield warning(
             f"moments of inertia without mass: links {_named(empty)}",
-            f"give <mass> to these links in {_where(subject, empty)}",
+            f"give <mass> to these links in {_where(empty)}",
         )
 
 
@@ -151,7 +151,7 @@ def _values(links: list[Link]) -> str:
     )
 
 
-def _densities(subject: Subject, weighing: list[Link], total: float) -> Iterator[Remark]:
+def _densities(weighing: list[Link], total: float) -> Iterator[Remark]:
     heavy, light, floor = {}, {}, _HEAVY * total
     for link in weighing:
         mass = link.mass or 0.0
@@ -170,11 +170,11 @@ def _densities(subject: Subject, weighing: list[Link], total: float) -> Iterator
         (light, "tonnes instead of kilograms, or a part that was left out?"),
     ):
         if found:
-            where = f"{_named(found.values())} in {_where(subject, found.values())}"
+            where = f"{_named(found.values())} in {_where(found.values())}"
             yield warning(some(found, "; "), f"check <mass> of {where} ({hint})")
 
 
-def _centres(subject: Subject, weighing: list[Link], total: float) -> Iterator[Remark]:
+def _centres(weighing: list[Link], total: float) -> Iterator[Remark]:
     """Centres of mass that are not in their link."""
     outside = {}
     for link in weighing:
@@ -185,7 +185,7 @@ def _centres(subject: Subject, weighing: list[Link], total: float) -> Iterator[R
         if away > max(_OUTSIDE, 0.5 * float(np.linalg.norm(upper - lower))):
             outside[f"link {link.name!r} by {away:.3g} m"] = link
     if outside:
-        where = _where(subject, outside.values())
+        where = _where(outside.values())
         yield warning(
             f"centre of mass outside the geometry: {some(outside)}",
             f"check <inertial><origin> of these links in {where} (millimetres?)",
@@ -209,7 +209,7 @@ def _proportions(subject: Subject, total: float) -> Iterator[Remark]:
         masses = some(f"{joint!r} {mass:.4g} kg" for joint, mass in heavy.items())
         yield warning(
             f"wheels that are heavier than the chassis of {chassis:.4g} kg: {masses}",
-            f"check <mass> of {_named(links)} in {_where(subject, links)}",
+            f"check <mass> of {_named(links)} in {_where(links)}",
         )
 
 

@@ -34,6 +34,7 @@ class Link:
         moments: Principal moments of inertia, ascending (kg m^2), shape (3,).
         shapes: What could be read of its geometry.
         incomplete: The uses of which a mesh is missing or could not be read.
+        file: Name, for messages, of the place where it is described.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Link:
     moments: Array
     shapes: tuple[Shape, ...]
     incomplete: frozenset[Use]
+    file: str
 
     @property
     def solid(self) -> list[Shape]:
@@ -50,7 +52,9 @@ class Link:
         return collision or list(self.shapes)
 
 
-def _read_link(element: ET.Element, vertices: Callable[[str, str], Array | None]) -> Link:
+def _read_link(
+    element: ET.Element, vertices: Callable[[str, str], Array | None], file: str
+) -> Link:
     name, inertial = str(element.get("name")), element.find("inertial")
     mass, com, moments = None, np.zeros(3), np.zeros(3)
     if inertial is not None:
@@ -63,7 +67,7 @@ def _read_link(element: ET.Element, vertices: Callable[[str, str], Array | None]
     shapes = [s for use in USES for s in read_shapes(element, use, partial(vertices, name))]
     known = tuple(shape for shape in shapes if shape.known)
     incomplete = frozenset(shape.use for shape in shapes if not shape.known)
-    return Link(name, mass, com, moments, known, incomplete)
+    return Link(name, mass, com, moments, known, incomplete, file)
 
 
 class Subject:
@@ -112,16 +116,20 @@ class Subject:
             path = paths.get((link, filename))
             return None if path is None else self.mesh_reader.vertices(path)
 
-        elements = Assembly(self.robot.spec, self.robot.urdf).robot.findall("link")
-        return {link.name: link for link in (_read_link(part, vertices) for part in elements)}
+        files = {
+            f"{prefix}{link.get('name')}": file.path.name
+            for prefix, file in self._sources
+            for link in file.parse().findall("link")
+        }
+        found = {}
+        for link in Assembly(self.robot.spec, self.robot.urdf).robot.findall("link"):
+            name = str(link.get("name"))
+            found[name] = _read_link(link, vertices, files.get(name, self._numbers))
+        return found
 
     @property
     def _numbers(self) -> str:
         return f"[platform.body] of robot {self.robot.name!r}"
-
-    def file_of(self, link: str) -> str:
-        """Name, for messages, of the place where a link is described."""
-        return self._files.get(link, self._numbers)
 
     @property
     def files(self) -> str:
@@ -130,14 +138,6 @@ class Subject:
         if self.robot.spec.urdf is None:
             names.insert(0, self._numbers)
         return ", ".join(dict.fromkeys(names))
-
-    @cached_property
-    def _files(self) -> dict[str, str]:
-        return {
-            f"{prefix}{link.get('name')}": file.path.name
-            for prefix, file in self._sources
-            for link in file.parse().findall("link")
-        }
 
     # Where things are at home --------------------------------------------------------------------
 
