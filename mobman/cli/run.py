@@ -29,8 +29,7 @@ from mobman.errors import FOREIGN_ERRORS, MobmanError, RecordError
 if TYPE_CHECKING:
     from mobman.simulation.record import Record
     from mobman.simulation.rerun import Own, Verification
-    from mobman.viewer.live import LiveRun
-    from mobman.viewer.view import View
+    from mobman.viewer.view import LiveRun, View
 
 _PATIENCE = 15.0  # s that a run waits for the browser
 _TOLD = 5
@@ -146,8 +145,7 @@ def run(
     with ExitStack() as closing:
         watched: LiveRun | None = None
         if live or live_speed is not None:
-            from mobman.viewer.live import LiveRun
-            from mobman.viewer.view import View
+            from mobman.viewer.view import LiveRun, View
 
             watched = LiveRun(
                 model,

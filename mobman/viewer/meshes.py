@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mobman.arrays import Array, Index
 from mobman.robots.urdf.meshes import MeshError, read_isolated, read_triangles
@@ -34,10 +32,6 @@ _MOST_SEEN, _MOST_OTHERS = 2500, 500
 _ALL_TRIANGLES = 50_000
 """Triangles of all meshes of a robot together; a page stays small, and plays without a graphics card."""
 _FEWEST = 100
-_HOLES = 0.01
-"""Share of a closed surface's edges that may have a triangle on one side only."""
-_CREASE = math.cos(math.radians(38.0))
-"""Two triangles that meet at a larger angle meet at an edge that is seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,56 +57,11 @@ class Surface:
         return self.vertices
 
     def described(self) -> dict[str, Any]:
-        """The surface for the page, with a vertex more for each further side of a visible edge."""
-        source, faces = self._split_at_edges()
-        content: dict[str, Any] = {
-            "type": "mesh",
-            "vertices": packed(self.vertices[source], "f4"),
-            "faces": packed(faces, "u2" if len(source) < 2**16 else "u4"),
-            "open": self._is_open(),
-        }
-        if self.vertex_colours is not None:
-            content["vertex_colours"] = packed(self.vertex_colours[source], "u1")
-        if self.uv is not None and self.texture is not None:
-            content |= {"uv": packed(self.uv[source], "f4"), "texture": self.texture}
-        return content
-
-    def _split_at_edges(self) -> tuple[Index, Index]:
-        """Vertices to draw, as indices of the present ones, and the triangles with those.
-
-        Corners of triangles are one vertex if the triangles are at one vertex and joined there by
-        edges that are not seen; the page then takes each vertex's mean normal.
-        """
-        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
-        normals = np.cross(b - a, c - a)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-        corners = np.arange(self.faces.size).reshape(-1, 3)
-        # each side of each triangle, from its lower to its higher vertex; alike ones are neighbours
-        sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
-        ends = self.faces.ravel()[sides]
-        order = np.argsort(ends, axis=1)
-        sides, ends = (np.take_along_axis(values, order, axis=1) for values in (sides, ends))
-        order = np.lexsort(ends.T)
-        sides, ends = sides[order], ends[order]
-        triangle = sides[:, 0] // 3
-        smooth = np.sum(normals[triangle[1:]] * normals[triangle[:-1]], axis=1) >= _CREASE
-        smooth &= np.all(ends[1:] == ends[:-1], axis=1)
-        one, other = sides[1:][smooth].ravel(), sides[:-1][smooth].ravel()
-        links = coo_array((np.ones(len(one)), (one, other)), shape=(corners.size,) * 2)
-        _, vertex = connected_components(links, directed=False)
-        _, first = np.unique(vertex, return_index=True)
-        return self.faces.ravel()[first], vertex.astype(np.int64).reshape(-1, 3)
-
-    def _is_open(self) -> bool:
-        """Tell whether its inside can be seen, through holes or through triangles the wrong way round.
-
-        What is closed is drawn from outside alone, in half the time.
-        """
-        edges = self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
-        there, back = edges @ [len(self.vertices), 1], edges @ [1, len(self.vertices)]
-        alone = float(np.mean(~np.isin(there, back)))
-        a, b, c = (self.vertices[self.faces[:, i]] - self.vertices.mean(axis=0) for i in range(3))
-        return alone > _HOLES or float(np.sum(a * np.cross(b, c))) <= 0.0
+        """The surface for the page."""
+        kinds = {"vertices": "f4", "faces": "u4", "uv": "f4", "vertex_colours": "u1"}
+        arrays = {name: getattr(self, name) for name in kinds}
+        found = {k: packed(array, kinds[k]) for k, array in arrays.items() if array is not None}
+        return {"type": "mesh", "texture": self.texture, **found}
 
 
 def can_read_colours() -> bool:
@@ -128,7 +77,7 @@ def can_reduce() -> bool:
 def read_meshes(
     wanted: Mapping[MeshKey, bool],
 ) -> tuple[dict[MeshKey, list[Surface]], dict[MeshKey, str]]:
-    """Surfaces of meshes, each with the triangles that can be seen of it, all with what a page carries.
+    """Read meshes, each with the triangles that can be seen of it, all with what a page carries.
 
     Args:
         wanted: The meshes, and whether they are drawn at once, in their colours.
@@ -147,15 +96,14 @@ def read_meshes(
     share = min(1.0, _ALL_TRIANGLES / max(1, sum(kept.values())))
     for key, parts in found.items():
         keep = share * kept[key] / totals[key]
-        counts = [max(_FEWEST, math.ceil(keep * len(part.faces))) for part in parts]
-        found[key] = [reduced(part, count) for part, count in zip(parts, counts, strict=True)]
+        found[key] = [reduced(p, max(_FEWEST, math.ceil(keep * len(p.faces)))) for p in parts]
     return found, problems
 
 
 def read_mesh(
     path: Path, scale: tuple[float, float, float], *, coloured: bool = True
 ) -> list[Surface]:
-    """The parts of a mesh, one for each of its materials.
+    """Read the parts of a mesh, one for each of its materials.
 
     Pinocchio's reader gives the geometry. Colours come from trimesh, where it is installed and the
     format has any; where the format leaves open which way is up and what a unit is (Collada), the
@@ -173,20 +121,15 @@ def read_mesh(
     _check(plain, path)
     parts = [plain]
     if coloured and path.suffix.lower() in _COLOURED and can_read_colours():
-        fields = read_isolated(f"{__name__}:coloured_parts", path)
-        parts = [Surface(**{**part, "colour": _colour(part["colour"])}) for part in fields]
-        for part in parts:
+        own = [Surface(**fields) for fields in read_isolated(f"{__name__}:coloured_parts", path)]
+        for part in own:
             _check(part, path)
-        parts = _as_placed(parts, plain)
+        parts = _as_placed(own, plain)
     parts = [part for part in map(_tidied, parts) if len(part.faces)]
     if not parts:
         raise MeshError(f"the mesh {path} has no triangles")
     turn = -1 if np.prod(scale) < 0.0 else 1
     return [replace(p, vertices=p.vertices * scale, faces=p.faces[:, ::turn]) for p in parts]
-
-
-def _colour(values: list[float] | None) -> Colour | None:
-    return None if values is None else (values[0], values[1], values[2], values[3])
 
 
 def _check(surface: Surface, path: Path) -> None:
@@ -200,7 +143,7 @@ def _check(surface: Surface, path: Path) -> None:
 
 
 def reduced(surface: Surface, triangles: int) -> Surface:
-    """The surface with at most about so many triangles, in one colour where it had several.
+    """Reduce a surface to about so many triangles, in one colour where it had several.
 
     It is returned as it is where that is enough, or where fast-simplification is not installed.
     """
@@ -305,8 +248,6 @@ def _tidied(surface: Surface) -> Surface:
 
 def _merged(vertices: Array, faces: Index) -> tuple[Array, Index]:
     """Vertices at one place as one; those that no triangle has are dropped."""
-    if not len(faces):
-        return vertices, faces
     used, corners = np.unique(faces, return_inverse=True)
     points = vertices[used].astype(np.float32) + np.float32(0.0)  # no -0, which has other bytes
     keys = np.ascontiguousarray(points).view("V12").ravel()  # rows as bytes sort fast

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import base64
 import errno
+import gzip
 import html
 import importlib.util
 import ipaddress
@@ -12,48 +12,41 @@ import json
 import os
 import re
 import socket
+import socketserver
 import threading
 from collections.abc import Callable
 from functools import cache
+from http.server import BaseHTTPRequestHandler
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
-import tornado.httpserver
-import tornado.netutil
-import tornado.web
 from numpy.typing import NDArray
 
-from mobman.arrays import Array
 from mobman.errors import MobmanError, UsageError
 from mobman.files import temporary_beside
 from mobman.printable import printable
 
 LOOPBACK = "127.0.0.1"
-_SCRIPTS = ("robot.js", "run.js", "stage.js", "controls.js", "app.js")
-_STOPPING = 5.0  # s
+_SCRIPTS = ("robot.js", "run.js", "stage.js", "app.js")
 
 
 def packed(array: NDArray[Any], kind: str) -> dict[str, Any]:
-    """An array for JSON, compact and exact: base64 of its bytes, little endian, row by row.
+    """Pack an array for JSON, compact and exact: base64 of its bytes, little endian, row by row.
 
     Args:
         array: The array.
-        kind: ``"f8"``, ``"f4"``, ``"u1"``, ``"u2"`` or ``"u4"``: the page reads these.
+        kind: ``"f8"``, ``"f4"``, ``"u1"`` or ``"u4"``: the page reads these.
     """
     plain = np.ascontiguousarray(array, dtype="<" + kind)
     data = base64.b64encode(plain.tobytes()).decode("ascii")
     return {"kind": kind, "shape": list(plain.shape), "data": data}
 
 
-def rows(matrix: Array) -> list[float]:
-    """A matrix as a plain list, row by row, with all digits."""
-    return [float(value) for value in np.asarray(matrix).ravel()]
-
-
 def document(title: str, content: dict[str, Any]) -> str:
-    """The page of a scene.
+    """Make the page of a scene.
 
     Raises:
         MobmanError: If MeshCat's viewer is not installed as it should be.
@@ -66,7 +59,7 @@ def document(title: str, content: dict[str, Any]) -> str:
         "licence": licence.replace("--", "- -"),
         "scene": scene.replace("<", "\\u003c"),  # it cannot end the element that holds it
         "meshcat": meshcat,
-        "script": "\n".join(_page_file(name) for name in _SCRIPTS),
+        "script": "\n".join(map(_page_file, _SCRIPTS)),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _page_file("template.html"))
 
@@ -117,7 +110,7 @@ def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
         raise MobmanError(f"cannot write {path}: {error.strerror or error}") from error
 
 
-class PageServer:
+class PageServer(socketserver.ThreadingTCPServer):
     """Serves a page in this process until it is closed, for this machine alone unless told otherwise.
 
     It answers only to names of the address that it listens on, so that a page from elsewhere cannot
@@ -129,7 +122,7 @@ class PageServer:
         host: Address to listen on; ``"0.0.0.0"`` or ``"::"`` for all of this machine.
         port: Port; a free one if None.
         frames: Gives what a page that follows a run is to be told, as JSON, from the time of its
-            latest frame (s); it is called in the server's own thread.
+            latest frame (s); it is called by one thread at a time.
 
     Raises:
         UsageError: If the port is taken or not allowed, or the address is none of this machine's.
@@ -138,6 +131,10 @@ class PageServer:
         url: The page's address.
     """
 
+    daemon_threads = True
+    allow_reuse_address = os.name == "posix"  # elsewhere it would let others take the port
+    request_queue_size = 128
+
     def __init__(
         self,
         page: str,
@@ -145,117 +142,91 @@ class PageServer:
         port: int | None = None,
         frames: Callable[[float], str] | None = None,
     ) -> None:
-        self._sockets = _bound(host, port)
-        bound, self.port = self._sockets[0].getsockname()[:2]
+        if port is not None and not 0 <= port <= 65535:
+            raise UsageError(f"port = {port}: allowed: 0 to 65535")
+        try:
+            found = socket.getaddrinfo(host, port or 0, type=socket.SOCK_STREAM)[0]
+            self.address_family = found[0]
+            super().__init__(found[4], _Handler)  # type: ignore[arg-type]
+        except (socket.gaierror, UnicodeError) as error:
+            raise UsageError(f"host = {host!r}: {getattr(error, 'strerror', error)}") from error
+        except OSError as error:
+            known = {
+                errno.EADDRINUSE: f"port {port} of {host} is taken; choose another one, or give none "
+                "to get a free one",
+                errno.EADDRNOTAVAIL: f"host = {host!r}: not an address of this machine",
+            }
+            other = f"cannot listen on {host}, port {port}: {error.strerror}"
+            raise UsageError(known.get(error.errno or 0, other)) from error
+        self.page, self.frames, self.lock = page.encode(), frames, threading.Lock()
+        bound, self.port = self.socket.getsockname()[:2]
         address = ipaddress.ip_address(_without_zone(bound))
         shown = host
-        if (
-            address.is_unspecified
-        ):  # listening everywhere, it is reached by the loopback address too
+        self.names = {host.lower()}
+        if address.is_unspecified:  # reached by the loopback address too, and by the machine's name
             shown = LOOPBACK if address.version == 4 else "::1"
+            self.names = {socket.gethostname().lower()}
+        if address.is_unspecified or address.is_loopback:
+            self.names |= {"localhost", LOOPBACK, "::1"}
         self.url = f"http://{f'[{shown}]' if ':' in shown else shown}:{self.port}/"
-        answer = {"names": _names(host, address), "page": page.encode(), "frames": frames}
-        routes: list[Any] = [(r"/", _Page, answer)]
-        if frames is not None:
-            routes.append((r"/frames", _Frames, answer))
-        self._application = tornado.web.Application(
-            routes, compress_response=True, log_function=lambda _: None
+        self._thread = threading.Thread(
+            target=self.serve_forever, args=(0.05,), name="mobman view", daemon=True
         )
-        self._loop = asyncio.new_event_loop()
-        self._ready = threading.Event()
-        self._thread = threading.Thread(target=self._serve, name="mobman view", daemon=True)
         self._thread.start()
-        self._ready.wait()
 
     def close(self) -> None:
         """Stop; the port is free afterwards."""
-        if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join(_STOPPING)
+        self.shutdown()
+        self._thread.join()
+        self.server_close()
 
-    def _serve(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        server = tornado.httpserver.HTTPServer(self._application)
-
-        async def listen() -> None:
-            server.add_sockets(self._sockets)
-
-        self._loop.run_until_complete(listen())
-        self._ready.set()  # not before: a stop would be lost between two runs of the loop
-        try:
-            self._loop.run_forever()
-        finally:
-            server.stop()
-            self._loop.run_until_complete(server.close_all_connections())
-            self._loop.close()
+    def handle_error(self, *_: Any) -> None:
+        """Say nothing: the browser is gone, and nobody reads the answer."""
 
 
-class _Page(tornado.web.RequestHandler):
-    def initialize(self, names: frozenset[str], page: bytes, frames: Any) -> None:
-        self._names, self._content, self._frames = names, page, frames
+class _Handler(BaseHTTPRequestHandler):
+    server: PageServer
+    server_version, sys_version = "mobman", ""
+    timeout = 30  # s, for a browser that connects and asks nothing
 
-    def prepare(self) -> None:
-        connection: Any = self.request.connection
-        if connection.stream.closed():  # the browser is gone; nobody reads the answer
-            raise tornado.web.HTTPError(403)
-        own = _without_zone(connection.stream.socket.getsockname()[0])
-        if self.request.host_name.strip("[]") not in self._names | {own}:
-            raise tornado.web.HTTPError(403)
-        self.set_header("Cache-Control", "no-store")
+    def do_GET(self) -> None:
+        name = re.sub(r":\d*$", "", self.headers.get("Host", "").lower()).strip("[]")
+        own = _without_zone(self.connection.getsockname()[0])
+        asked = urlsplit(self.path)
+        if name not in self.server.names | {own}:
+            self.send_error(403)
+        elif asked.path == "/":
+            self._answer("text/html; charset=utf-8", self.server.page)
+        elif asked.path == "/frames" and self.server.frames is not None:
+            try:
+                after = float(parse_qs(asked.query)["after"][0])
+            except (KeyError, ValueError):
+                self.send_error(400)
+                return
+            with self.server.lock:
+                news = self.server.frames(after)
+            self._answer("application/json", news.encode())
+        else:
+            self.send_error(404)
 
-    def write_error(self, status_code: int, **_: Any) -> None:
-        self.finish(f"{status_code}: {self._reason}")
+    do_HEAD = do_GET
 
-    def get(self) -> None:
-        self.set_header("Content-Type", "text/html; charset=utf-8")
-        self.write(self._content)
+    def _answer(self, kind: str, content: bytes) -> None:
+        self.send_response(200)
+        if "gzip" in self.headers.get("Accept-Encoding", ""):
+            content = gzip.compress(content, 6)
+            self.send_header("Content-Encoding", "gzip")
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(content)
 
-    def head(self) -> None:
-        self.get()
-
-
-class _Frames(_Page):
-    def get(self) -> None:
-        try:
-            after = float(self.get_query_argument("after"))
-        except ValueError as error:
-            raise tornado.web.HTTPError(400) from error
-        self.set_header("Content-Type", "application/json")
-        self.write(self._frames(after))
-
-
-def _names(host: str, address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> frozenset[str]:
-    """Names by which a browser may call the server, with the address that its connection came in on.
-
-    Args:
-        host: The address as it was given.
-        address: What it stands for.
-    """
-    names = set() if address.is_unspecified else {host.lower()}
-    if address.is_loopback or address.is_unspecified:
-        names |= {"localhost", LOOPBACK, "::1"}
-    if address.is_unspecified:
-        names.add(socket.gethostname().lower())
-    return frozenset(names)
+    def log_message(self, *_: Any) -> None:
+        pass
 
 
 def _without_zone(address: str) -> str:
     """An IPv6 address without the interface's name, which no browser sends."""
     return address.partition("%")[0]
-
-
-def _bound(host: str, port: int | None) -> list[socket.socket]:
-    if port is not None and not 0 <= port <= 65535:
-        raise UsageError(f"port = {port}: allowed: 0 to 65535")
-    try:
-        return tornado.netutil.bind_sockets(port or 0, host)[:1]
-    except socket.gaierror as error:
-        raise UsageError(f"host = {host!r}: {error.strerror}") from error
-    except OSError as error:
-        known = {
-            errno.EADDRINUSE: f"port {port} of {host} is taken; choose another one, or give none to "
-            "get a free one",
-            errno.EADDRNOTAVAIL: f"host = {host!r}: not an address of this machine",
-        }
-        other = f"cannot listen on {host}, port {port}: {error.strerror}"
-        raise UsageError(known.get(error.errno or 0, other)) from error

@@ -9,11 +9,11 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from PIL import Image
 
 from mobman.errors import MobmanError, UsageError
 from mobman.viewer.page import document, write_whole
@@ -108,23 +108,18 @@ def save_film(
         )
     width, height = _checked_size(size)
     even = (width + width % 2, height + height % 2)  # the encoder's blocks
+    write: Callable[..., None] = _write_gif if gif else _write_mp4
     if not gif:
         _encoder()  # before the work, not after it
 
+    def frames(page: Any) -> Iterator[Any]:
+        for i in range(count):
+            with Image.open(io.BytesIO(_frame(page, min(i * speed / rate, scene.duration)))) as one:
+                yield one.convert("RGB")
+            progress((i + 1) / count)
+
     def shoot(page: Any) -> None:
-        def frames() -> Iterator[Any]:
-            from PIL import Image
-
-            for i in range(count):
-                picture = _frame(page, min(i * speed / rate, scene.duration))
-                with Image.open(io.BytesIO(picture)) as image:
-                    yield image.convert("RGB")
-                progress((i + 1) / count)
-
-        if gif:
-            write_whole(path, lambda file: _write_gif(file, frames(), rate))
-        else:
-            write_whole(path, lambda file: _write_mp4(file, frames(), rate, even))
+        write_whole(path, lambda file: write(file, frames(page), rate, even))
 
     _in_browser(scene, even, shoot)
 
@@ -142,7 +137,7 @@ def _checked_size(size: tuple[int, int] | None) -> tuple[int, int]:
     return width, height
 
 
-def _write_gif(path: Path, frames: Iterator[Any], rate: float) -> None:
+def _write_gif(path: Path, frames: Iterator[Any], rate: float, size: tuple[int, int]) -> None:
     reduced = (frame.quantize(128, dither=0) for frame in frames)
     pause = max(2.0 * _GIF_STEP, round(1.0 / rate / _GIF_STEP) * _GIF_STEP)  # viewers refuse less
     options = {"duration": round(1000.0 * pause), "loop": 0, "optimize": True}
@@ -150,15 +145,11 @@ def _write_gif(path: Path, frames: Iterator[Any], rate: float) -> None:
 
 
 def _write_mp4(path: Path, frames: Iterator[Any], rate: float, size: tuple[int, int]) -> None:
-    writer = _encoder().write_frames(
-        str(path), size, fps=rate, codec="libx264", quality=8, macro_block_size=2
-    )
-    writer.send(None)
-    try:
+    options = {"fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2}
+    with closing(_encoder().write_frames(str(path), size, **options)) as writer:
+        writer.send(None)
         for frame in frames:
-            writer.send(np.asarray(frame).tobytes())
-    finally:
-        writer.close()
+            writer.send(frame.tobytes())
 
 
 def _encoder() -> Any:

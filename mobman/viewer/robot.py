@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -23,9 +23,6 @@ from mobman.robots.urdf.meshes import mesh_paths
 from mobman.robots.urdf.shapes import placement, scalar, vector
 from mobman.robots.urdf.validate import shape_of
 from mobman.viewer.meshes import Colour, MeshKey, Surface, read_meshes
-from mobman.viewer.page import rows
-
-Role = Literal["visual", "collision", "mark"]
 
 _GREY: Colour = (0.72, 0.74, 0.77, 1.0)
 _DARK: Colour = (0.30, 0.33, 0.37, 1.0)
@@ -35,8 +32,8 @@ _SPOKES = 3
 _PROUD = 0.01
 """Height of a spoke over the wheel's face, of the radius."""
 _ALIGNED = 1e-3
-_ROD = 0.035
-"""Radius of a skeleton's rods, of the robot's extent."""
+_ROD = 0.025
+"""Radius of a skeleton's rods, of the robot's size."""
 _UNBOUNDED = 1e3
 """Limits beyond this are none (m, rad)."""
 _REACH = 3.0
@@ -78,7 +75,7 @@ class Part:
     name: str
     joint: int
     """The joint that carries it, as Pinocchio counts them."""
-    role: Role
+    role: Literal["visual", "collision", "mark"]
     placement: pin.SE3
     """In the joint's frame."""
     shape: Primitive | Surface
@@ -88,7 +85,7 @@ class Part:
 def robot_scene(
     robot: MobileManipulator, shapes: list[Primitive | Surface]
 ) -> tuple[dict[str, Any], list[str]]:
-    """A robot for the page, and what could not be drawn as it should be.
+    """Describe a robot for the page, and what could not be drawn as it should be.
 
     Placements are matrices of shape (4, 4), row by row, in the frame of the joint named with them;
     joint 0 is the world.
@@ -99,41 +96,42 @@ def robot_scene(
     """
     parts, warnings = robot_parts(robot)
     model = robot.model
+    shapes += dict.fromkeys(part.shape for part in parts if part.shape not in shapes)
     places = {shape: i for i, shape in enumerate(shapes)}
-    for part in parts:
-        if part.shape not in places:
-            places[part.shape] = len(shapes)
-            shapes.append(part.shape)
+
+    def placed(name: str, joint: int, where: pin.SE3, **rest: Any) -> dict[str, Any]:
+        rows = where.homogeneous.ravel().tolist()
+        return {"name": name, "joint": int(joint), "placement": rows, **rest}
+
+    frames = [
+        placed(frame.name, frame.parentJoint, frame.placement)
+        for frame in model.frames
+        if frame.type == pin.FrameType.BODY
+    ]
+    tip = model.frames[robot.tip_frame]
     content = {
         "name": robot.name,
         "joints": [_joint(robot, i) for i in range(1, model.njoints)],
         "parts": [
-            {
-                "name": part.name,
-                "joint": int(part.joint),
-                "role": part.role,
-                "placement": rows(part.placement.homogeneous),
-                "shape": places[part.shape],
-                "colour": list(part.colour),
-            }
+            placed(
+                *(part.name, part.joint, part.placement),
+                role=part.role,
+                shape=places[part.shape],
+                colour=list(part.colour),
+            )
             for part in parts
         ],
-        "frames": [_frame(frame) for frame in model.frames if frame.type == pin.FrameType.BODY],
+        "frames": frames,
         "masses": [
-            {"joint": i, "mass": float(inertia.mass), "centre": rows(inertia.lever)}
+            {"joint": i, "mass": float(inertia.mass), "centre": inertia.lever.tolist()}
             for i, inertia in enumerate(model.inertias)
             if i and inertia.mass > 0.0
         ],
-        "tip": _frame(model.frames[robot.tip_frame]),
+        "tip": placed(tip.name, tip.parentJoint, tip.placement),
         "wheels": [wheel._asdict() for wheel in robot.platform.wheels],
-        "rest": rows(robot.q_rest),
+        "rest": robot.q_rest.tolist(),
     }
     return content, warnings
-
-
-def _frame(frame: pin.Frame) -> dict[str, Any]:
-    place = rows(frame.placement.homogeneous)
-    return {"name": frame.name, "joint": int(frame.parentJoint), "placement": place}
 
 
 def _joint(robot: MobileManipulator, index: int) -> dict[str, Any]:
@@ -146,8 +144,8 @@ def _joint(robot: MobileManipulator, index: int) -> dict[str, Any]:
     return {
         "name": name,
         "parent": int(model.parents[index]),
-        "placement": rows(model.jointPlacements[index].homogeneous),
-        "axis": rows(axis),
+        "placement": model.jointPlacements[index].homogeneous.ravel().tolist(),
+        "axis": axis.tolist(),
         "turns": turns,
         "q": q,
         "lower": lower if abs(lower) < _UNBOUNDED else rest - span,
@@ -162,8 +160,22 @@ def _axis(model: pin.Model, index: int) -> tuple[Array, bool]:
     return (column[3:] if turns else column[:3]), turns
 
 
+def robot_points(robot: MobileManipulator, q: Array) -> Array:
+    """Points that show how much room a robot takes at q, and on the ground (m), shape (N, 3)."""
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    drives = BASE_JOINTS[0] in robot.joint_names
+    elsewhere = {"universe", *BASE_JOINTS[:2]} if drives else set()
+    points = [
+        np.array(placement.translation)
+        for frame, placement in zip(model.frames, data.oMf, strict=True)
+        if frame.type == pin.FrameType.BODY and model.names[frame.parentJoint] not in elsewhere
+    ]
+    return np.array([*points, *(point * [1.0, 1.0, 0.0] for point in points)])
+
+
 def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
-    """The shapes that a robot is drawn with, and what could not be drawn as it should be.
+    """Find the shapes that a robot is drawn with, and what could not be drawn as it should be.
 
     A mesh that is missing or broken costs its shape and a warning. A joint that then carries nothing
     that can be seen is drawn by its collision geometry; if it has none either, by a skeleton of rods
@@ -172,17 +184,21 @@ def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
     problems: dict[str, str] = {}
     parts = list(_urdf_parts(robot, problems))
     model = robot.model
-    bare = set(range(1, model.njoints)) - {part.joint for part in parts if part.role == "visual"}
-    bare -= {model.getJointId(name) for name in BASE_JOINTS[:2] if model.existJointName(name)}
-    stand_ins = [
+
+    def bare() -> set[int]:
+        shown = {part.joint for part in parts if part.role == "visual"}
+        base = {model.getJointId(name) for name in BASE_JOINTS[:2] if model.existJointName(name)}
+        return set(range(1, model.njoints)) - shown - base
+
+    unseen = bare()
+    parts += [
         replace(part, role="visual", name=f"{part.name}_shown")
         for part in parts
-        if part.joint in bare and part.role == "collision"
+        if part.joint in unseen and part.role == "collision"
     ]
-    bare -= {part.joint for part in stand_ins}
-    parts += [*stand_ins, *_wheels(robot, bare)]
-    bare -= {part.joint for part in parts if part.role == "visual"}
-    parts += _skeleton(robot, bare) if bare else ()
+    for stand_ins in (_wheels, _skeleton):
+        if unseen := bare():
+            parts += stand_ins(robot, unseen)
     parts += list(_marks(robot, parts))
     if not problems:
         return parts, []
@@ -194,66 +210,53 @@ def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
     ]
 
 
-class _Look(NamedTuple):
-    """A ``<visual>`` or ``<collision>`` element."""
-
-    link: str
-    element: ET.Element
-    shape: ET.Element
-    """The element of its shape."""
-    mesh: MeshKey | None
-    """The mesh, if it is one that is there."""
-
-
 def _urdf_parts(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[Part]:
     """The shapes that a robot's URDFs give its links; why some are missing goes to ``problems``, by the
     mesh's name."""
-    looks = list(_looks(robot, problems))
-    names = {look.mesh: look.shape.get("filename", "").strip() for look in looks if look.mesh}
-    seen = {look.mesh for look in looks if look.element.tag == "visual"}
-    surfaces, unread = read_meshes({key: key in seen for key in names})
-    problems |= {repr(names[key]): f"({why})" for key, why in unread.items()}
-    model = robot.model
-    count = 0
-    for look in looks:
-        frame = model.frames[model.getFrameId(look.link, pin.FrameType.BODY)]
-        place = frame.placement * pin.SE3(*placement(look.element))
-        own = look.element.find("material/color")
-        for shape in surfaces.get(look.mesh, []) if look.mesh else _primitive(look.shape):
-            colour = shape.colour if isinstance(shape, Surface) else None
-            if own is not None:
-                r, g, b, a = map(float, own.get("rgba", "").split())
-                colour = (r, g, b, a)
-            role: Role = "visual" if look.element.tag == "visual" else "collision"
-            name = f"{look.link}_{role}_{count}"
-            yield Part(name, frame.parentJoint, role, place, shape, colour or _GREY)
-            count += 1
-
-
-def _looks(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[_Look]:
-    spec = robot.spec
+    spec, model = robot.spec, robot.model
     prefixes = [*([] if spec.urdf is None else [""]), *(mount.prefix for mount in spec.mount)]
-    meshes = {
+    located = {
         (prefix + mesh.link, mesh.filename): mesh
         for prefix, file in zip(prefixes, robot.urdf.files, strict=True)
         for mesh in mesh_paths(file.parse(), file)
     }
+    looks: list[tuple[str, ET.Element, ET.Element, MeshKey | None]] = []
+    names: dict[MeshKey, str] = {}
+    seen: set[MeshKey] = set()
     for link in Assembly(spec, robot.urdf).robot.iter("link"):
         name = str(link.get("name"))
-        for element in [*link.findall("visual"), *link.findall("collision")]:
-            shape = shape_of(element)
+        for look in [*link.findall("visual"), *link.findall("collision")]:
+            shape, key = shape_of(look), None
             if shape is None:
                 continue
-            key = None
             if shape.tag == "mesh":
                 filename = shape.get("filename", "").strip()
-                mesh = meshes.get((name, filename))
+                mesh = located.get((name, filename))
                 if mesh is None or mesh.path is None:
                     problems[repr(filename)] = "is not there" if mesh is None else mesh.problem
                 else:
                     x, y, z = vector(shape, "scale", (1.0, 1.0, 1.0)).tolist()
                     key = (mesh.path, (x, y, z))
-            yield _Look(name, element, shape, key)
+                    names[key] = filename
+                    seen |= {key} if look.tag == "visual" else set()
+            looks.append((name, look, shape, key))
+    surfaces, unread = read_meshes({key: key in seen for key in names})
+    problems |= {repr(names[key]): f"({why})" for key, why in unread.items()}
+    count = 0
+    for link_name, look, shape, key in looks:
+        frame = model.frames[model.getFrameId(link_name, pin.FrameType.BODY)]
+        place = frame.placement * pin.SE3(*placement(look))
+        own = look.find("material/color")
+        drawn = _primitive(shape) if key is None else surfaces.get(key, [])
+        for one in drawn:
+            colour = one.colour if isinstance(one, Surface) else None
+            if own is not None:
+                r, g, b, a = map(float, own.get("rgba", "").split())
+                colour = (r, g, b, a)
+            role: Literal["visual", "collision"] = "visual" if look.tag == "visual" else "collision"
+            part_name = f"{link_name}_{role}_{count}"
+            yield Part(part_name, frame.parentJoint, role, place, one, colour or _GREY)
+            count += 1
 
 
 def _primitive(element: ET.Element) -> list[Primitive]:
@@ -279,7 +282,7 @@ def _wheels(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
 def _skeleton(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
     """A ball at each bare joint and rods to the joints that it carries, and to the tip."""
     model = robot.model
-    radius = _ROD * _extent(robot)
+    radius = _ROD * float(np.linalg.norm(np.ptp(robot_points(robot, robot.q_rest), axis=0)))
     tip = model.frames[robot.tip_frame]
     for i in sorted(bare):
         carried = [model.jointPlacements[j].translation for j in model.children[i]]
@@ -292,19 +295,6 @@ def _skeleton(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
             if length > radius:
                 rod, place = cylinder(radius, length), _along(end / length, 0.5 * end)
                 yield Part(f"{model.names[i]}_rod_{n}", i, "visual", place, rod, _GREY)
-
-
-def _extent(robot: MobileManipulator) -> float:
-    """Largest distance of joints and tip at rest (m)."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.q_rest)
-    points = [
-        np.array(placed.translation)
-        for name, placed in zip(robot.model.names, data.oMi, strict=True)
-        if name not in ("universe", *BASE_JOINTS[:2])
-    ]
-    points.append(robot.tip_pose(robot.q_rest).translation)
-    return max(float(np.linalg.norm(a - b)) for a in points for b in points) or 1.0
 
 
 def _marks(robot: MobileManipulator, parts: list[Part]) -> Iterator[Part]:

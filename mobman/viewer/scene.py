@@ -4,32 +4,141 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
-from mobman.arrays import Array
-from mobman.errors import UsageError
+from mobman.arrays import Array, Index
+from mobman.errors import MobmanError, SpecError, UsageError
+from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.robots.catalogue import as_spec, find_spec, list_robots, registered_as
+from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.robots.urdf.read import UrdfSources, urdf_sources
 from mobman.simulation.record import Record
 from mobman.viewer.meshes import Surface
 from mobman.viewer.page import packed
-from mobman.viewer.replay import Motion, motion, robot_of_run
-from mobman.viewer.robot import Primitive, robot_scene
+from mobman.viewer.robot import Primitive, robot_points, robot_scene
 
 Layout = Literal["overlay", "side-by-side"]
 LAYOUTS: tuple[Layout, Layout] = ("overlay", "side-by-side")
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c564b")
 """Colours of runs; the first can be distinguished with any colour vision (Okabe and Ito)."""
+_FIELDS = ("robot", "controller", "task", "scenario", "seed", "status", "message")
+"""Fields of a record that the page shows."""
+FRAMES_PER_SECOND = 60.0
+"""Rate of most displays (Hz)."""
+MOST_FRAMES = 12_000
+"""Frames of all runs of a page together; longer runs get fewer a second. The page goes from frame to
+frame along cubics with the run's own rates, so that few frames do not show."""
+_FEWEST = 600
 _DECADES = 8
 _FAR = 3.0
 """The distance at which a run that flies away leaves the picture, in sizes of its desired path."""
 _MARGIN = 0.4
+
+
+class Motion(NamedTuple):
+    """A run at N of its own samples."""
+
+    t: Array
+    """s, shape (N,)."""
+    tip: Array
+    """Tip position (m), shape (N, 3)."""
+    desired: Array
+    """p_d (m), shape (N, 3)."""
+    error: Array
+    """|e^e| (m), shape (N,)."""
+    platform: Array
+    """The platform's reference point (m), shape (N, 3)."""
+    q: Array | None = None
+    """Configuration, shape (N, nq); None without a robot."""
+    q_dot: Array | None = None
+    """Rate of the configuration, shape (N, nq)."""
+    effort: Array | None = None
+    """B' v: the generalised force on each coordinate (N m, N), shape (N, nq)."""
+    path: Array | None = None
+    """p_d of all of the run (m), shape (M, 3), if it has only begun."""
+
+    def begun(self) -> Motion:
+        """Keep the first sample, and the desired path."""
+        first = (None if part is None else part[:1] for part in self)
+        return Motion(*first)._replace(path=self.desired)  # type: ignore[arg-type]
+
+    def described(self) -> dict[str, Any]:
+        """The motion for the page."""
+        single = ("error", "platform", "effort")
+        return {
+            name: None if array is None else packed(array, "f4" if name in single else "f8")
+            for name, array in self._asdict().items()
+        }
+
+
+@dataclass(frozen=True)
+class States:
+    """The part of a :class:`Record` that a scene is made of."""
+
+    t: Array
+    q: Array
+    z: Array
+    torque: Array
+    tip_position: Array
+    tip_desired: Array
+    task_error: Array
+    joint_names: list[str]
+    robot: str
+    controller: str
+    task: str
+    scenario: str
+    seed: int
+    status: str = "ok"
+    message: str = ""
+
+
+def motion(record: Record | States, robot: MobileManipulator | None, *, runs: int = 1) -> Motion:
+    """Take a run's motion from its samples.
+
+    Args:
+        record: The run.
+        robot: Its robot; None if it is not known.
+        runs: Number of runs that share the page.
+    """
+    kept = frames(record.t, max(_FEWEST, MOST_FRAMES // runs))
+    t, q, z, torque = (part[kept] for part in (record.t, record.q, record.z, record.torque))
+    m = min(3, record.tip_position.shape[1])
+    tip, desired, platform = np.zeros((3, len(t), 3))
+    tip[:, :m], desired[:, :m] = record.tip_position[kept, :m], record.tip_desired[kept, :m]
+    for i, name in enumerate(BASE_JOINTS[:2]):
+        if name in record.joint_names:
+            platform[:, i] = q[:, record.joint_names.index(name)]
+    error = np.linalg.norm(record.task_error[kept], axis=1)
+    if robot is None:
+        return Motion(t, tip, desired, error, platform)
+    if m < 3:  # a planar task says nothing of the height
+        tip[:, 2] = desired[:, 2] = [robot.tip_pose(row).translation[2] for row in q]
+    q_dot = np.array([robot.velocity_map(a) @ b for a, b in zip(q, z, strict=True)])
+    effort = np.array([robot.actuation(a) @ b for a, b in zip(q, torque, strict=True)])
+    return Motion(t, tip, desired, error, platform, q, q_dot, effort)
+
+
+def frames(t: Array, most: int = MOST_FRAMES) -> Index:
+    """Choose samples to show: the first, the last, and about 60 a second between.
+
+    Args:
+        t: Times of the samples (s), rising.
+        most: Largest number of them, 2 or more.
+    """
+    count = min(most, int(np.ceil((t[-1] - t[0]) * FRAMES_PER_SECOND)) + 1)
+    if len(t) <= count:
+        return np.arange(len(t))
+    wanted = np.linspace(t[0], t[-1], max(count, 2))
+    after = np.clip(np.searchsorted(t, wanted), 1, len(t) - 1)
+    nearer = wanted - t[after - 1] < t[after] - wanted
+    return np.unique(np.where(nearer, after - 1, after))
 
 
 @dataclass(frozen=True)
@@ -51,7 +160,7 @@ class Scene:
 class ShownRun:
     """A record, its name and where it came from."""
 
-    record: Record
+    record: Record | States
     name: str
     folder: Path | None = None
     robot: MobileManipulator | None = None
@@ -59,23 +168,27 @@ class ShownRun:
 
 
 def scene_of_robot(robot: MobileManipulator) -> Scene:
-    """A robot at rest, to be moved by hand."""
+    """Show a robot at rest, to be moved by hand."""
     info = {"robot": robot.name, "description": robot.spec.description}
-    drawn = _Drawn()
-    run = _run(0, robot.name, drawn.add(robot), None, info)
-    return drawn.scene(robot.name, [run], _robot_points(robot, robot.q_rest))
+    run = {"label": robot.name, "motion": None, "info": info}
+    return _scene(robot.name, [(run, robot)], [robot_points(robot, robot.q_rest)])
 
 
 def scene_of_runs(
-    runs: Sequence[ShownRun], *, layout: Layout = "overlay", time: float | None = None
+    runs: Sequence[ShownRun],
+    *,
+    layout: Layout = "overlay",
+    time: float | None = None,
+    live: bool = False,
 ) -> Scene:
-    """One run, or several on one clock.
+    """Show one run, or several on one clock.
 
     Args:
         runs: The runs; those whose robot cannot be built are drawn as path and trail, with a warning.
         layout: Of several runs: in one place, or side by side.
         time: What it opens at (s); the end of a single run that failed, and else its beginning, by
             default.
+        live: True to show the first sample and the desired path alone: the page follows the rest.
 
     Raises:
         UsageError: If there is no run, a run has no sample, or the time is no number.
@@ -86,125 +199,85 @@ def scene_of_runs(
         raise UsageError(f"layout = {layout!r}: allowed: {', '.join(LAYOUTS)}")
     if time is not None and not (math.isfinite(time) and time >= 0.0):
         raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
-    drawn = _Drawn()
-    motions, extents, described = [], [], []
     records = [run.record for run in runs]
-    names = labels(records, [run.name for run in runs])
-    for i, (run, label) in enumerate(zip(runs, names, strict=True)):
-        record = run.record
+    shown, motions, extents, warnings = [], [], [], []
+    for run, label in zip(runs, labels(records, [run.name for run in runs]), strict=True):
+        record, robot, problem = run.record, run.robot, None
         if not len(record.t):
             raise UsageError(f"run {run.name!r} has no samples")
-        robot, problem = run.robot, ""
-        if robot is None:
+        if robot is None and isinstance(record, Record):
             robot, problem = robot_of_run(record, run.folder)
         if robot is None:
-            drawn.warnings.append(
+            warnings.append(
                 f"run {run.name!r}: the robot {record.robot!r} is not drawn, only the paths: {problem}"
             )
-        info: dict[str, Any] = {"problem": None if robot is not None else problem}
-        for field in ("robot", "controller", "task", "scenario", "seed", "status", "message"):
-            info[field] = getattr(record, field)
+        info = {field: getattr(record, field) for field in _FIELDS}
         moved = motion(record, robot, runs=len(runs))
         motions.append(moved)
         extents.append(_extent(moved, robot))
-        place = None if robot is None else drawn.add(robot)
-        described.append(_run(i, label, place, moved, info))
-    widest = max(float(np.ptp(extent[:, 0])) for extent in extents) + _MARGIN
-    for i, entry in enumerate(described):
-        entry["offset"] = [(i - 0.5 * (len(runs) - 1)) * widest, 0.0]
+        content = (moved.begun() if live else moved).described()
+        info["problem"] = problem if robot is None else None
+        shown.append(({"label": label, "motion": content, "info": info}, robot))
     duration = max(float(moved.t[-1]) for moved in motions)
     if time is None:
-        failed = len(runs) == 1 and not records[0].ok
-        time = duration if failed else 0.0
-    parts = [
+        time = duration if len(runs) == 1 and records[0].status != "ok" else 0.0
+    title = " · ".join(
         ", ".join(dict.fromkeys(getattr(record, field) for record in records))
         for field in ("robot", "task", "scenario", "controller")
-    ]
-    return drawn.scene(
-        " · ".join(parts),
-        described,
-        np.vstack(extents),
+    )
+    return _scene(
+        title,
+        shown,
+        extents,
+        warnings,
         layout=layout,
         duration=duration,
         start=min(time, duration),
         error_decades=_decades(motions),
+        live=live,
     )
 
 
-def scene_to_come(
-    robot: MobileManipulator, path: Motion, info: dict[str, Any], duration: float
+def _scene(
+    title: str,
+    runs: Sequence[tuple[dict[str, Any], MobileManipulator | None]],
+    extents: Sequence[Array],
+    warnings: Sequence[str] = (),
+    **rest: Any,
 ) -> Scene:
-    """A robot at rest where a run begins, and the path that is before it.
-
-    Args:
-        robot: The robot.
-        path: The motion that stays at rest for the duration of the run.
-        info: What runs: robot, controller, task, scenario, seed, status and message.
-        duration: Of the run (s).
-    """
-    start = Motion(*(None if part is None else part[:1] for part in path))  # type: ignore[arg-type]
-    drawn = _Drawn()
-    run = _run(0, info["controller"], drawn.add(robot), start, info)
-    run["motion"]["path"] = packed(path.desired, "f8")
-    title = " · ".join(info[field] for field in ("robot", "task", "scenario", "controller"))
-    return drawn.scene(
-        title,
-        [run],
-        _extent(path, robot),
-        duration=duration,
-        error_decades=_decades([path]),
-        live=True,
-    )
-
-
-class _Drawn:
-    """The robots and shapes of a scene, each once, and what could not be drawn."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-        self._robots: dict[str, dict[str, Any]] = {}
-        self._shapes: list[Primitive | Surface] = []
-
-    def add(self, robot: MobileManipulator) -> int:
-        """The place of a robot among those of the scene."""
-        key = repr(robot.spec) + robot.urdf.sha256()
-        if key not in self._robots:
-            self._robots[key], warnings = robot_scene(robot, self._shapes)
-            self.warnings += warnings
-        return list(self._robots).index(key)
-
-    def scene(self, title: str, runs: list[dict[str, Any]], points: Array, **rest: Any) -> Scene:
-        """The scene, with some runs that lie within some points (m), shape (N, 3)."""
-        content = {
-            "title": title,
-            "geometries": [shape.described() for shape in self._shapes],
-            "robots": list(self._robots.values()),
-            "runs": runs,
-            "bounds": [points.min(axis=0).tolist(), points.max(axis=0).tolist()],
-            "layout": "overlay",
-            "duration": 0.0,
-            "start": 0.0,
-            "error_decades": None,
-            **rest,
-        }
-        return Scene(title, content, tuple(dict.fromkeys(self.warnings)))
-
-
-def _run(
-    index: int, label: str, robot: int | None, moved: Motion | None, info: dict[str, Any]
-) -> dict[str, Any]:
-    return {
-        "label": label,
-        "colour": _COLOURS[index % len(_COLOURS)],
-        "robot": robot,
-        "motion": None if moved is None else moved.described(),
-        "info": info,
-        "offset": [0.0, 0.0],
+    """A scene of runs with their robots, which lie within some points (m), each of shape (N, 3)."""
+    robots: dict[str, dict[str, Any]] = {}
+    shapes: list[Primitive | Surface] = []
+    told = list(warnings)
+    widest = max(float(np.ptp(extent[:, 0])) for extent in extents) + _MARGIN
+    for i, (run, robot) in enumerate(runs):
+        place = None
+        if robot is not None:
+            key = repr(robot.spec) + robot.urdf.sha256()
+            if key not in robots:
+                robots[key], problems = robot_scene(robot, shapes)
+                told += problems
+            place = list(robots).index(key)
+        offset = [(i - 0.5 * (len(runs) - 1)) * widest, 0.0]
+        run |= {"robot": place, "colour": _COLOURS[i % len(_COLOURS)], "offset": offset}
+    points = np.vstack(extents)
+    content = {
+        "title": title,
+        "geometries": [shape.described() for shape in shapes],
+        "robots": list(robots.values()),
+        "runs": [run for run, _ in runs],
+        "bounds": [points.min(axis=0).tolist(), points.max(axis=0).tolist()],
+        "layout": "overlay",
+        "duration": 0.0,
+        "start": 0.0,
+        "error_decades": None,
+        **rest,
     }
+    return Scene(title, content, tuple(dict.fromkeys(told)))
 
 
-def labels(records: Sequence[Record], names: Sequence[str]) -> list[str]:
-    """Labels of runs in a comparison: what tells each from the others.
+def labels(records: Sequence[Record | States], names: Sequence[str]) -> list[str]:
+    """Label runs in a comparison by what distinguishes them.
 
     Args:
         records: The runs.
@@ -221,25 +294,11 @@ def labels(records: Sequence[Record], names: Sequence[str]) -> list[str]:
     ]
 
 
-def _robot_points(robot: MobileManipulator, q: Array) -> Array:
-    """Points that show how much room a robot takes at q (m), shape (N, 3)."""
-    model, data = robot.model, robot.model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    drives = BASE_JOINTS[0] in robot.joint_names
-    elsewhere = {"universe", *BASE_JOINTS[:2]} if drives else set()
-    points = [
-        np.array(placement.translation)
-        for frame, placement in zip(model.frames, data.oMf, strict=True)
-        if frame.type == pin.FrameType.BODY and model.names[frame.parentJoint] not in elsewhere
-    ]
-    return np.array([*points, *(point * [1.0, 1.0, 0.0] for point in points)])
-
-
 def _extent(moved: Motion, robot: MobileManipulator | None) -> Array:
     """Lowest and highest corner of what a run takes (m), shape (2, 3); what flies away is left out."""
     points = [moved.desired, moved.tip[:1], moved.platform[:1]]
     if robot is not None and moved.q is not None:
-        points.append(_robot_points(robot, moved.q[0]))
+        points.append(robot_points(robot, moved.q[0]))
     start = np.vstack(points)
     centre, size = start.mean(axis=0), float(np.linalg.norm(np.ptp(start, axis=0)))
     for track in (moved.tip, moved.platform):
@@ -257,3 +316,94 @@ def _decades(motions: Sequence[Motion]) -> list[int]:
     high = min(math.ceil(math.log10(errors.max())), 2)
     low = math.floor(math.log10(errors.min()))
     return [min(max(low, high - _DECADES), high - 1), high]
+
+
+def robot_of_run(
+    record: Record, folder: Path | None = None
+) -> tuple[MobileManipulator | None, str]:
+    """Build the robot of a run, as the record describes it.
+
+    It is built from the description in the record, its files being looked for where the registered
+    robot of that name has them, then in ``folder`` and in the working directory, and nowhere else; or it
+    is the registered robot. It counts only if its URDF is the run's (by its hash) and its coordinates
+    are. A platform that is Python code is the registered robot's, and only if that has the same
+    description: a record runs no code.
+
+    Args:
+        record: The run.
+        folder: The folder of the record's file.
+
+    Returns:
+        The robot, or None and why there is none.
+    """
+    problems: list[str] = []
+    for spec, sources in _candidates(record, folder, problems):
+        try:
+            if (found := sources.sha256()) != record.urdf_sha256:
+                problems.append(
+                    f"its URDF {sources} is not the run's (SHA-256 {found[:12]}..., the run's "
+                    f"{record.urdf_sha256[:12]}...)"
+                )
+                continue
+            robot = build_robot(spec, sources)
+        except MobmanError as error:
+            problems.append(str(error))
+            continue
+        if robot.joint_names == record.joint_names and robot.nz == record.z.shape[1]:
+            return robot, ""
+        problems.append("its coordinates are not the run's")
+    # the first is about the registered robot, or else about the record's own description
+    return None, problems[0] if problems else "the record does not describe it"
+
+
+def _candidates(
+    record: Record, folder: Path | None, problems: list[str]
+) -> Iterator[tuple[RobotSpec, UrdfSources]]:
+    registered = None
+    try:
+        if record.robot in list_robots():
+            found = find_spec(record.robot)
+            registered = (found, urdf_sources(found))
+    except MobmanError as error:
+        problems.append(str(error))
+    described, described_as_code = record.spec.get("robot"), False
+    if isinstance(described, dict):
+        try:
+            spec = as_spec({**described, "folder": Path(), "file": None})
+            if described_as_code := bool(spec.code):
+                own = registered_as(described)
+                yield own, urdf_sources(own)
+                return
+            if registered is not None:
+                yield spec, registered[1]
+            for place in dict.fromkeys(path for path in (folder, Path.cwd()) if path is not None):
+                try:
+                    yield spec, _beside(spec, place)
+                except MobmanError as error:
+                    problems.append(str(error))
+        except MobmanError as error:
+            problems.append(str(error))
+    if registered is not None and not described_as_code and not registered[0].code:
+        yield registered
+
+
+def _beside(spec: RobotSpec, place: Path) -> UrdfSources:
+    """The URDFs of a description in a folder, with the meshes that lie there.
+
+    Raises:
+        SpecError: If one is missing, or the description names a file elsewhere.
+    """
+    folder = place.resolve()
+    parts = [part for part in (spec.urdf, *spec.mount) if part is not None]
+    for part in parts:
+        path = (folder / part.path).resolve()
+        if part.package is None and not path.is_relative_to(folder):
+            raise SpecError(
+                f"its URDF {part.path} lies outside {folder}; register the robot {spec.name!r} to have "
+                "it drawn"
+            )
+    sources = urdf_sources(spec.model_copy(update={"folder": folder}))
+    files = zip(parts, sources.files, strict=True)
+    return UrdfSources(
+        tuple(file if part.package else replace(file, within=(folder,)) for part, file in files)
+    )

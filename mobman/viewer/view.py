@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import html as html_text
+import json
+import math
 import os
 import sys
+import threading
 import warnings
 import webbrowser
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from time import perf_counter, sleep
 from typing import Any
 
+import numpy as np
+
+from mobman.arrays import Array
 from mobman.errors import UsageError
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -19,15 +27,28 @@ from mobman.model.platforms.custom import without_code
 from mobman.robots.catalogue import list_robots
 from mobman.robots.spec import RobotSpec
 from mobman.simulation.record import Record, load_record
+from mobman.tasks.task import make_task
 from mobman.viewer.page import LOOPBACK, PageServer, document, write_whole
 from mobman.viewer.pictures import save_film, save_picture
-from mobman.viewer.scene import Layout, Scene, ShownRun, scene_of_robot, scene_of_runs
+from mobman.viewer.scene import (
+    FRAMES_PER_SECOND,
+    MOST_FRAMES,
+    Layout,
+    Scene,
+    ShownRun,
+    States,
+    motion,
+    scene_of_robot,
+    scene_of_runs,
+)
 
 Viewable = Record | MobileManipulator | RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
 """A run or its file, or a robot in any form that :func:`mobman.load_robot` takes."""
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEIGHT = 620  # pixels, in a notebook
+_BEHIND = 0.1
+"""Delay behind the clock that a live run makes up for (s); a longer one is kept."""
 
 
 class View:
@@ -90,22 +111,18 @@ class View:
         """
         file = Path(path)
         kind = file.suffix.lower()
-        savers: dict[str, Callable[..., None]] = {
-            ".png": save_picture,
-            ".gif": save_film,
-            ".mp4": save_film,
-        }
         if kind in (".html", ".htm"):
             if options:
                 raise UsageError(f"{file}: a page has no option {', '.join(options)}")
             write_whole(file, lambda place: place.write_text(self.html(), encoding="utf-8"))
-        elif kind in savers:
-            try:
-                savers[kind](self.scene, file, **options)
-            except TypeError as error:  # an option that the kind does not have
-                raise UsageError(f"{file}: {error}") from error
-        else:
+            return file
+        if kind not in (".png", ".gif", ".mp4"):
             raise UsageError(f"{file}: allowed: a file .html, .png, .gif or .mp4")
+        save: Callable[..., None] = save_picture if kind == ".png" else save_film
+        try:
+            save(self.scene, file, **options)
+        except TypeError as error:  # an option that the kind does not have
+            raise UsageError(f"{file}: {error}") from error
         return file
 
     def open(self) -> bool:
@@ -237,6 +254,108 @@ def _run(thing: Any) -> ShownRun:
         return ShownRun(thing, thing.controller)
     path = Path(thing)
     return ShownRun(load_record(path), path.stem, path.resolve().parent)
+
+
+class LiveRun:
+    """Shows a run that is being simulated, without a part in it.
+
+    It is given copies of the state, and computes from them with a robot and a task of its own, since it
+    does so in another thread than the simulation.
+
+    Args:
+        robot: The robot, at rest where it begins.
+        task: The task's name.
+        task_options: Its parameters that are not to have their defaults.
+        duration: Of the run (s).
+        speed: Simulated seconds a second at most; None for as fast as it goes.
+        controller: Its name, to be shown.
+        scenario: Its name, to be shown.
+        seed: To be shown.
+
+    Raises:
+        UsageError: If the speed or the duration is not a positive number.
+
+    Attributes:
+        scene: The page's, as the run begins.
+        every: Simulated time from one look at the run to the next (s).
+    """
+
+    def __init__(
+        self,
+        robot: MobileManipulator,
+        task: str,
+        *,
+        task_options: Mapping[str, Any] | None = None,
+        duration: float,
+        speed: float | None = 1.0,
+        controller: str = "",
+        scenario: str = "",
+        seed: int = 0,
+    ) -> None:
+        for name, value in (("speed", speed), ("duration", duration)):
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise UsageError(f"{name} = {value!r}: must be a positive number")
+        self.every = max(1.0 / FRAMES_PER_SECOND, duration / MOST_FRAMES)
+        self._speed = speed
+        self._began: float | None = None
+        self._robot = load_robot(robot.spec)
+        self._task = make_task(task, self._robot, **(task_options or {}))
+        self._about: dict[str, Any] = {
+            "controller": controller,
+            "task": task,
+            "scenario": scenario,
+            "seed": seed,
+        }
+        self._samples: list[tuple[float, Array, Array, Array]] = []
+        self._asked = threading.Event()
+        self._whole: str | None = None
+        times = [*np.arange(0.0, duration, self.every), duration]
+        still = np.zeros(self._robot.nz)
+        rest = self._states([(t, self._robot.q_rest, still, still) for t in times])
+        self.scene = scene_of_runs([ShownRun(rest, "", robot=self._robot)], live=True)
+
+    def observe(self, t: float, q: Array, z: Array, torque: Array) -> None:
+        """Take a state; returns when it is time to go on."""
+        self._samples.append((t, q.copy(), z.copy(), torque.copy()))
+        if self._speed is None:
+            return
+        now, due = perf_counter(), t / self._speed
+        if self._began is None or now - self._began - due > _BEHIND:
+            self._began = now - due
+        if (early := self._began + due - now) > 0.0:
+            sleep(early)
+
+    def finish(self, record: Record) -> None:
+        """The run has ended: from now on, the page is told all of it."""
+        content = scene_of_runs([ShownRun(record, record.controller, robot=self._robot)]).content
+        told = {name: content["runs"][0][name] for name in ("motion", "info")}
+        told |= {"ended": True, "error_decades": content["error_decades"]}
+        self._whole = json.dumps(told)
+
+    def wait_for_page(self, seconds: float) -> bool:
+        """Wait until a page asks for frames; return whether one did in time."""
+        return self._asked.wait(seconds)
+
+    def frames(self, after: float) -> str:
+        """The news for a page that has the frames up to a time (s), as JSON."""
+        self._asked.set()
+        if self._whole is not None:
+            return self._whole
+        samples = self._samples[:]
+        later = samples[bisect_right(samples, after, key=lambda sample: sample[0]) :]
+        if not later:
+            return "{}"
+        return json.dumps({"motion": motion(self._states(later), self._robot).described()})
+
+    def _states(self, samples: list[tuple[float, Array, Array, Array]]) -> States:
+        t, q, z, torque = (np.array(part) for part in zip(*samples, strict=True))
+        desired = np.array([self._task.desired(float(instant))[0] for instant in t])
+        m, robot = desired.shape[1], self._robot
+        tip = np.array([robot.tip_pose(row).translation[:m] for row in q])
+        return States(
+            *(t, q, z, torque, tip, desired, tip - desired, robot.joint_names),
+            **self._about,
+        )
 
 
 def _in_notebook() -> bool:

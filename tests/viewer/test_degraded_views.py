@@ -12,8 +12,8 @@ import pytest
 import mobman as mm
 from mobman.viewer import meshes
 from mobman.viewer.meshes import Surface
-from mobman.viewer.replay import robot_of_run
 from mobman.viewer.robot import cylinder, robot_parts
+from mobman.viewer.scene import robot_of_run
 from mobman.viewer.view import make_scene
 from tests.support.poses import largest_difference
 from tests.support.variants import youbot_urdf, youbot_with_urdf

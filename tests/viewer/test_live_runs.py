@@ -19,8 +19,7 @@ import pytest
 
 import mobman as mm
 from mobman.cli.run import run as run_command
-from mobman.viewer.live import LiveRun
-from mobman.viewer.view import View
+from mobman.viewer.view import LiveRun, View
 from tests.support.poses import largest_difference
 
 ARRAYS = (

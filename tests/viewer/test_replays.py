@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import mobman as mm
-from mobman.viewer.replay import frames
+from mobman.viewer.scene import frames
 from mobman.viewer.view import make_scene
 from tests.support.poses import drawn, largest_difference
 
@@ -197,7 +197,7 @@ def test_planar_runs_are_drawn_at_the_tips_height(runs):
         tip_desired=record.tip_desired[:, :2],
         task_error=record.task_error[:, :2],
     )
-    from mobman.viewer.replay import motion
+    from mobman.viewer.scene import motion
 
     moved = motion(flat, robot)
     assert moved.tip == pytest.approx(motion(record, robot).tip, abs=1e-12)

@@ -1,19 +1,32 @@
-// The page: stage, runs, clock and controls; following a run while it goes; and window.mobman.
+// The page: stage, runs, clock, controls and what is written; following a run while it goes; window.mobman.
 const GHOST = 0.62;
 const LAG = 0.1; // s, of a run that is followed
 const PAUSE = 60; // ms between two questions for its frames
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
+
+const byId = (id) => document.getElementById(id);
+
+function element(tag, attributes, ...children) {
+  const node = Object.assign(document.createElement(tag), attributes);
+  node.append(...children);
+  return node;
+}
+
+function metres(value) {
+  if (!Number.isFinite(value)) return "not finite";
+  if (value === 0) return "0 m";
+  return value >= 0.01 && value < 1e4 ? `${value.toPrecision(3)} m` : `${value.toExponential(1)} m`;
+}
 
 class App {
   constructor(scene) {
-    Object.assign(this, { scene, time: 0, speed: 1, playing: false, live: scene.live === true });
+    Object.assign(this, { scene, layout: scene.layout, time: 0, speed: 1, playing: false, live: scene.live === true });
     this.stage = new Stage(byId("pane"), scene.bounds);
-    const compared = scene.runs.length > 1;
-    this.options = { byError: !compared, efforts: false };
-    this.runs = scene.runs.map((description) => new Run(description, scene, 0.0036 * this.stage.radius, compared));
+    this.several = scene.runs.length > 1;
+    this.runs = scene.runs.map((run) => new Run(run, scene, 0.0036 * this.stage.radius, this.several));
     this.stage.root.add(...this.runs.map((run) => run.group));
-    this.overlay = new Overlay(scene, this.runs);
-    this.layout = scene.layout;
-    this.panel = new Panel(this);
+    this.writeInfo();
+    this.addControls();
     this.setLayout(scene.layout);
     this.setTime(scene.start);
     window.addEventListener("resize", () => this.changed());
@@ -38,12 +51,20 @@ class App {
 
   render() {
     this.stage.viewer.render();
-    this.overlay.placeLabels(this.stage);
+    const taken = [];
+    this.labels.forEach((label, i) => {
+      const at = this.stage.project(this.runs[i].labelPoint());
+      label.hidden = at === null;
+      if (at === null) return;
+      // labels of robots at one place stand on each other
+      while (taken.some(([x, y]) => Math.abs(x - at[0]) < 110 && Math.abs(y - at[1]) < 22)) at[1] -= 23;
+      taken.push(at);
+      Object.assign(label.style, { left: `${at[0]}px`, top: `${at[1]}px` });
+    });
   }
 
   changed() {
-    this.overlay.update(this.time, this.options);
-    this.panel.update();
+    this.writeState();
     this.stage.viewer.set_dirty();
   }
 
@@ -65,21 +86,14 @@ class App {
     this.changed();
   }
 
-  toggle() {
-    if (this.playing) this.pause();
-    else this.play();
-  }
-
   show(layer, visible) {
     if (layer === "ground") for (const object of this.stage.ground) object.visible = visible;
     else for (const run of this.runs) run.show(layer, visible);
-    if (layer === "efforts") this.options.efforts = visible;
-    if (this.panel.switches[layer]) this.panel.switches[layer].checked = visible;
+    byId(`show-${layer}`).checked = visible;
     this.changed();
   }
 
   colourTrails(byError) {
-    this.options.byError = byError;
     for (const run of this.runs) {
       run.byError = byError;
       run.update();
@@ -94,7 +108,7 @@ class App {
     for (const run of this.runs) {
       run.group.position.set(...(beside ? run.description.offset : [0, 0]), 0);
       run.group.updateMatrixWorld(true);
-      if (run.robot && this.runs.length > 1) run.robot.setOpacity(beside ? 1 : GHOST);
+      if (run.robot && this.several) run.robot.setOpacity(beside ? 1 : GHOST);
       if (!run.motion) continue;
       // runs of one task have one path
       const path = run.description.motion.desired.data;
@@ -104,34 +118,168 @@ class App {
     this.look();
   }
 
-  rest(run) {
-    run.robot.setConfiguration(run.robot.description.rest);
+  configure(run, q) {
+    this.pause();
+    run.robot.setConfiguration(q);
     this.changed();
   }
 
-  look(direction) {
-    const beside = this.layout === "side-by-side";
+  look(direction = this.layout === "side-by-side" ? [0.1, -1, 0.55] : [0.55, -1, 0.55]) {
     const { box } = this.stage;
     const points = this.runs.flatMap((run) => run.outline(box).map((point) => point.add(run.group.position)));
     if (!points.length) points.push(box.min.clone(), box.max.clone());
-    this.stage.look(points, direction || (beside ? [0.1, -1, 0.55] : [0.55, -1, 0.55]), this.free());
+    this.stage.look(points, direction, this.free());
     this.changed();
   }
 
-  // What the panels leave of the picture, -1 to 1.
+  // The part of the picture that the panels leave free, -1 to 1.
   free() {
     const { innerWidth: width, innerHeight: height } = window;
-    const { classList } = document.body;
-    const picture = classList.contains("picture");
-    const panel = !picture && !classList.contains("closed") && width > 900;
-    const clock = !picture && !byId("clock").hidden;
-    const alone = !this.runs[0].motion; // a robot needs more room about it than a path
+    const panel = width > 900 ? byId("panel").offsetWidth : 0; // 0 if it is not there
+    const edge = this.runs[0].motion ? 0.06 : 0.2; // a robot alone needs more room about it than a path
     return {
-      left: alone ? -0.8 : -0.94,
-      right: (alone ? 0.8 : 0.94) - (panel ? (2 * 282) / width : 0),
-      top: alone || this.runs.length > 1 ? 0.76 : 0.88, // labels stand above the robots
-      bottom: (alone ? -0.78 : -0.9) + (clock ? (2 * 64) / height : 0),
+      left: edge - 1,
+      right: 1 - edge - (2 * panel) / width,
+      top: edge > 0.1 || this.several ? 0.76 : 0.88, // labels stand above the robots
+      bottom: edge - 0.96 + (2 * byId("clock").offsetHeight) / height,
     };
+  }
+
+  // What does not change with time: who runs, the colours' meaning, the runs' labels.
+  writeInfo() {
+    const { runs, several } = this;
+    const { motion, info } = runs[0];
+    const values = (key) => [...new Set(runs.map((run) => run.info[key]))];
+    const same = ["controller", "task", "scenario"].filter((key) => values(key).length === 1 && info[key]);
+    document.querySelector("#info h1").append(values("robot").join(", "));
+    byId("what").append(motion ? same.map((key) => `${key} ${info[key]}`).join(" · ") : info.description || "");
+    this.labels = [];
+    if (!motion) {
+      byId("info").append(element("div", { id: "tip" }));
+      return;
+    }
+    const swatch = ({ colour }) => element("span", { className: "swatch", style: `background:${colour}` });
+    this.cells = runs.map((run) => {
+      const cells = { error: element("td", { className: "number" }), status: element("td") };
+      const name = element("td", {}, ...(several ? [swatch(run), run.label] : ["|error|"]));
+      document.querySelector("#info table").append(element("tr", {}, name, cells.error, cells.status));
+      return cells;
+    });
+    for (const run of runs) {
+      if (run.info.problem) byId("info").append(element("div", { className: "bad" }, `${run.label}: the robot is not drawn`));
+      const stroke = element("span", { className: "stroke", style: `border-color:${run.colour}` });
+      byId("plain").append(element("div", { className: "entry" }, stroke, `tip, ${run.label}`));
+    }
+    if (several) this.labels = runs.map((run) => element("div", { style: `background:${run.colour}` }, run.label));
+    byId("labels").append(...this.labels);
+    byId("bar").style.background = `linear-gradient(90deg,${SCALE.join(",")})`;
+    this.writeScale();
+  }
+
+  writeScale() {
+    const [low, high] = this.scene.error_decades;
+    const powers = [low, Math.round((low + high) / 2), high];
+    byId("ticks").replaceChildren(...powers.map((power) => element("span", {}, "10", element("sup", {}, power))));
+  }
+
+  // What changes with time.
+  writeState() {
+    const { runs, scene, time } = this;
+    byId("time").value = time;
+    byId("play").textContent = this.playing ? "\u23f8" : "\u25b6";
+    byId("now").textContent = `${time.toFixed(2)} / ${scene.duration.toFixed(2)} s`;
+    byId("scale").hidden = !runs[0].byError;
+    byId("plain").hidden = runs[0].byError;
+    byId("efforts").hidden = !runs[0].shown.efforts;
+    runs.forEach(({ motion, place, info }, i) => {
+      if (!motion) return;
+      const { error, status } = this.cells[i];
+      const failed = info.status !== "ok";
+      const over = time > motion.end + 1e-9 || (failed && time >= motion.end - 1e-9);
+      error.textContent = metres(motion.error[place.frame]);
+      status.textContent = this.several ? "" : `t = ${time.toFixed(2)} s`;
+      if (over) status.textContent = failed ? `${info.status} ${info.message}` : "ended";
+      status.className = over && failed ? "bad" : "";
+    });
+    if (!runs[0].motion) {
+      const point = new THREE.Vector3().setFromMatrixPosition(runs[0].pose("tip"));
+      byId("tip").textContent = `tip ${point.toArray().map((value) => value.toFixed(3)).join("  ")} m`;
+    }
+    if (!byId("panel").offsetWidth) return;
+    for (const { robot, joint, input, output } of this.sliders) {
+      const value = robot.q[joint.q];
+      // a run goes beyond where a slider would
+      if (value < Number(input.min)) input.min = value;
+      if (value > Number(input.max)) input.max = value;
+      if (document.activeElement !== input) input.value = value;
+      output.textContent = `${value.toFixed(3)} ${joint.turns ? "rad" : "m"}`;
+    }
+  }
+
+  addControls() {
+    const { runs, several } = this;
+    const { motion } = runs[0];
+    const drawn = runs.filter((run) => run.robot);
+    const efforts = this.live ? drawn.length : runs.some((run) => run.efforts.length);
+    const has = { motion, several, efforts, single: !several, still: !motion, robot: drawn.length };
+    for (const node of document.querySelectorAll("[data-needs]"))
+      node.hidden = !node.dataset.needs.split(" ").every((need) => has[need]);
+    for (const box of document.querySelectorAll("#panel input[type=checkbox]"))
+      box.onchange = () => this.show(box.id.replace("show-", ""), box.checked);
+    drawn.forEach((run, i) => byId("posed").add(new Option(run.label, i)));
+    for (const speed of SPEEDS) byId("speed").add(new Option(`${speed}×`, speed, false, speed === this.speed));
+    byId("layout").value = this.layout;
+    byId("trail").value = several ? "run" : "error";
+    byId("layout").onchange = (event) => this.setLayout(event.target.value);
+    byId("trail").onchange = (event) => this.colourTrails(event.target.value === "error");
+    byId("posed").onchange = (event) => this.addSliders(drawn[event.target.value]);
+    byId("speed").onchange = (event) => (this.speed = Number(event.target.value));
+    byId("view").onclick = () => this.look();
+    byId("rest").onclick = () => this.configure(runs[0], runs[0].robot.description.rest);
+    byId("menu").onclick = () => document.body.classList.toggle("closed");
+    const toggle = () => (this.playing ? this.pause() : this.play());
+    byId("play").onclick = toggle;
+    byId("time").oninput = (event) => {
+      const wanted = Number(event.target.value); // pausing sets it to what it was
+      this.pause();
+      this.setTime(wanted);
+    };
+    const keys = { " ": toggle, ArrowRight: () => this.setTime(this.time + 0.1), ArrowLeft: () => this.setTime(this.time - 0.1) };
+    window.addEventListener("keydown", (event) => {
+      const typing = event.target.closest("input:not([type=checkbox]), select, button");
+      if (this.live || typing || !motion || !keys[event.key]) return;
+      keys[event.key]();
+      event.preventDefault();
+    });
+    if (motion && window.innerWidth < 720) document.body.classList.add("closed");
+    this.setDuration();
+    this.sliders = [];
+    if (drawn.length) this.addSliders(drawn[0]);
+  }
+
+  // The clock is the run's own while it goes.
+  setDuration() {
+    byId("time").max = this.scene.duration;
+    for (const id of ["time", "play", "speed"]) byId(id).disabled = this.live;
+  }
+
+  addSliders(run) {
+    const { robot } = run;
+    this.sliders = robot.joints.map((joint) => {
+      const { name: title, lower: min, upper: max } = joint;
+      const input = element("input", { type: "range", step: "any", min, max, title });
+      input.dataset.joint = title;
+      input.oninput = () => {
+        const value = Number(input.value);
+        this.configure(run, robot.q.map((now, i) => (i === joint.q ? value : now)));
+      };
+      return { robot, joint, input, output: element("output") };
+    });
+    const rows = this.sliders.map(({ joint: { name }, input, output }) =>
+      element("div", { className: "slider" }, element("div", {}, element("span", { title: name }, name), output), input)
+    );
+    byId("joints").replaceChildren(...rows);
+    this.writeState();
   }
 
   // Follow a run while it goes: its frames are asked for from the server that the page came from.
@@ -163,14 +311,14 @@ class App {
     if (!ended) return;
     this.live = false;
     scene.duration = run.motion.end;
-    this.overlay.addLegend();
-    this.panel.setDuration(scene.duration);
+    this.writeScale();
+    this.setDuration();
     this.setTime(scene.duration);
   }
 }
 
 // A rigid placement as rows of numbers, for whoever asks from outside.
-const rowsOf = ({ elements }) => [0, 1, 2, 3].map((row) => [0, 1, 2, 3].map((column) => elements[4 * column + row]));
+const rowsOf = (matrix) => [0, 4, 8, 12].map((at) => matrix.clone().transpose().elements.slice(at, at + 4));
 
 async function start() {
   const scene = JSON.parse(byId("scene").textContent);
@@ -181,18 +329,18 @@ async function start() {
   if (app.live) app.follow();
   const run = (index = 0) => app.runs[index];
   // drawn at once
-  const drawn = (name, before = () => {}) => (...values) => {
-    before();
-    app[name](...values);
+  const drawn = (act) => (...values) => {
+    act(...values);
     app.render();
   };
   Object.assign(window.mobman, {
     app,
-    setTime: drawn("setTime", () => app.pause()), // s
-    show: drawn("show"),
-    setLayout: drawn("setLayout"),
-    colourTrails: drawn("colourTrails"),
-    look: drawn("look"),
+    setTime: drawn((time) => (app.pause(), app.setTime(time))), // s
+    show: drawn((layer, visible) => app.show(layer, visible)),
+    setLayout: drawn((layout) => app.setLayout(layout)),
+    colourTrails: drawn((byError) => app.colourTrails(byError)),
+    look: drawn((direction) => app.look(direction)),
+    setConfiguration: drawn((q, index) => app.configure(run(index), q)),
     play: () => app.play(),
     pause: () => app.pause(),
     time: () => app.time,
@@ -204,12 +352,6 @@ async function start() {
     poses: (names, index) => Object.fromEntries(names.map((name) => [name, rowsOf(run(index).pose(name))])),
     joints: (index) => run(index).robot.joints.map((joint) => joint.name),
     configuration: (index) => Array.from(run(index).robot.q),
-    setConfiguration(q, index) {
-      app.pause();
-      run(index).robot.setConfiguration(q);
-      app.changed();
-      app.render();
-    },
     // what is in the scene: name, role, whether it is shown
     objects: (index) =>
       ["visual", "collision"].flatMap((layer) =>
@@ -227,12 +369,11 @@ async function start() {
     },
     frameTimes: (index) => Array.from(run(index).motion.t),
     // without controls and with everything that looks good, for pictures
-    picture() {
+    picture: drawn(() => {
       app.stage.setShadows(true);
       document.body.classList.add("picture");
       app.look();
-      app.render();
-    },
+    }),
   });
   return true;
 }

@@ -43,17 +43,18 @@ class Motion {
   }
 
   // Along the cubic that has the recorded configurations and rates at both frames.
-  configuration({ frame, next, share: s }, q) {
+  configuration({ frame, next, share: s }) {
     const n = this.q.columns;
     const [a, b, h, r] = [n * frame, n * next, this.t[next] - this.t[frame], 1 - s];
-    for (let i = 0; i < n; i++)
-      q[i] = r * r * (1 + 2 * s) * this.q[a + i] + s * s * (3 - 2 * s) * this.q[b + i] +
-        h * s * r * (r * this.q_dot[a + i] - s * this.q_dot[b + i]);
-    return q;
+    return Float64Array.from({ length: n }, (_, i) =>
+      r * r * (1 + 2 * s) * this.q[a + i] + s * s * (3 - 2 * s) * this.q[b + i] +
+      h * s * r * (r * this.q_dot[a + i] - s * this.q_dot[b + i])
+    );
   }
 
-  point(array, { frame, next, share }, result) {
-    return result.fromArray(array, 3 * frame).lerp(new THREE.Vector3().fromArray(array, 3 * next), share);
+  point(track, { frame, next, share }) {
+    const [before, after] = [frame, next].map((i) => new THREE.Vector3().fromArray(track, 3 * i));
+    return before.lerp(after, share);
   }
 }
 
@@ -61,19 +62,17 @@ class Motion {
 class Track extends THREE.Curve {
   constructor(points) {
     super();
-    this.points = points;
-    this.last = points.length / 3 - 1;
-    this.direction = new THREE.Vector3(1, 0, 0);
+    Object.assign(this, { points, last: points.length / 3 - 1, direction: new THREE.Vector3(1, 0, 0) });
   }
 
-  getPointAt(share, point) {
+  getPointAt(share, point = new THREE.Vector3()) {
     return point.fromArray(this.points, 3 * Math.round(share * this.last));
   }
 
   getTangentAt(share, tangent) {
     const i = Math.round(share * this.last);
     const [before, after] = [Math.max(i - 1, 0), Math.min(i + 1, this.last)];
-    tangent.fromArray(this.points, 3 * after).sub(new THREE.Vector3().fromArray(this.points, 3 * before));
+    tangent.subVectors(this.getPointAt(after / this.last), this.getPointAt(before / this.last));
     if (tangent.lengthSq() > 1e-18) this.direction.copy(tangent).normalize();
     return tangent.copy(this.direction);
   }
@@ -102,41 +101,30 @@ const SCALE = ["#2b3a92", "#1c86c0", "#2fae7a", "#e9b92f", "#e2572b", "#9e0b23"]
 
 function errorColours(errors, [low, high]) {
   const scale = SCALE.map((colour) => colourOf(colour));
-  const colours = new Float32Array(3 * errors.length);
-  const colour = new THREE.Color();
-  errors.forEach((error, i) => {
+  return Array.from(errors).flatMap((error) => {
     const share = error === 0 ? 0 : (Math.log10(error) - low) / (high - low);
     const x = (scale.length - 1) * (Number.isNaN(share) ? 1 : Math.min(Math.max(share, 0), 1));
     const step = Math.min(Math.floor(x), scale.length - 2);
-    colour.lerpColors(scale[step], scale[step + 1], x - step).toArray(colours, 3 * i);
+    return scale[step].clone().lerp(scale[step + 1], x - step).toArray();
   });
-  return colours;
 }
 
-// Torques and forces on joints: arcs about their axes and arrows along them. Their size goes with the
+// The torque or force on a joint: an arc about its axis or an arrow along it. Its size goes with the
 // square root of the effort over its peak in the run, so that small ones are seen next to large ones.
-const FULL_TURN = (300 * Math.PI) / 180;
-const STEPS = 40;
+const TURN = (300 * Math.PI) / 180;
 
 class Effort {
   constructor(joint, size) {
-    this.joint = joint;
-    this.size = size;
-    this.group = new THREE.Group();
-    this.along = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), joint.direction);
-    this.back = this.along.clone().multiply(new THREE.Quaternion(1, 0, 0, 0));
+    Object.assign(this, { joint, size, group: new THREE.Group() });
     const material = over(colourOf("#7048e8"), 0.85);
-    const width = 0.09 * size;
-    const arc = Array.from({ length: STEPS + 1 }, (_, i) => this.point((FULL_TURN * i) / STEPS)).flat();
-    const rod = new THREE.CylinderGeometry(width, width, 1, 12).rotateX(Math.PI / 2).translate(0, 0, 0.5);
-    this.shaft = joint.turns ? tube(arc, width, material) : new THREE.Mesh(rod, material);
-    this.head = new THREE.Mesh(new THREE.ConeGeometry(2.6 * width, 6 * width, 16), material);
-    this.shaft.renderOrder = this.head.renderOrder = 5;
-    joint.group.add(this.group.add(this.shaft, this.head));
-  }
-
-  point(angle) {
-    return [this.size * Math.cos(angle), this.size * Math.sin(angle), 0];
+    const rod = new THREE.CylinderGeometry(0.09, 0.09, 3, 12).rotateX(Math.PI / 2).translate(0, 0, 1.5);
+    const shaft = new THREE.Mesh(joint.turns ? new THREE.TorusGeometry(1, 0.09, 8, 40, TURN) : rod, material);
+    const head = new THREE.Mesh(new THREE.ConeGeometry(0.234, 0.54, 16), material);
+    if (joint.turns) head.position.set(Math.cos(TURN), Math.sin(TURN), 0);
+    else head.position.z = 3;
+    head.rotation.set(joint.turns ? 0 : Math.PI / 2, 0, joint.turns ? TURN : 0);
+    shaft.renderOrder = head.renderOrder = 5;
+    joint.group.add(this.group.add(shaft, head));
   }
 
   // relative: effort over its peak, -1 to 1
@@ -144,19 +132,9 @@ class Effort {
     const amount = Math.sqrt(Math.abs(relative));
     this.group.visible = visible && amount > 0.02;
     if (!this.group.visible) return;
-    this.group.quaternion.copy(relative < 0 ? this.back : this.along);
-    if (this.joint.turns) {
-      const steps = Math.max(1, Math.round(amount * STEPS));
-      const angle = (FULL_TURN * steps) / STEPS;
-      showUpTo(this.shaft, steps);
-      this.head.position.set(...this.point(angle));
-      this.head.rotation.set(0, 0, angle);
-    } else {
-      const length = 3 * this.size * amount;
-      this.shaft.scale.z = length;
-      this.head.position.z = length;
-      this.head.rotation.x = Math.PI / 2;
-    }
+    this.group.scale.setScalar(this.size * amount);
+    const direction = this.joint.direction.clone().multiplyScalar(Math.sign(relative));
+    this.group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), direction);
   }
 }
 
@@ -166,40 +144,32 @@ const plain = (colour) => new THREE.MeshPhongMaterial({ color: colourOf(colour) 
 class Run {
   // width: of the lines (m); compared: whether there are others
   constructor(description, scene, width, compared) {
-    Object.assign(this, { description, width, compared, label: description.label, colour: description.colour });
+    const { label, colour, motion, robot } = description;
+    Object.assign(this, { description, width, label, colour, efforts: [], place: { frame: 0, next: 0, share: 0 } });
     this.group = new THREE.Group();
     this.shown = { trails: true, efforts: false };
-    this.place = { frame: 0, next: 0, share: 0 };
     this.byError = !compared;
-    this.efforts = [];
-    this.robot = null;
-    this.motion = description.motion ? new Motion(description.motion) : null;
-    if (description.robot !== null) {
-      this.robot = new Robot(scene.robots[description.robot], scene.geometries, compared ? this.colour : null);
-      this.group.add(this.robot.root);
-    }
-    if (this.motion) this.addPaths(scene.error_decades);
-  }
-
-  get info() {
-    return this.description.info;
-  }
-
-  addPaths(decades) {
-    const { width, colour } = this;
+    this.robot = robot === null ? null : new Robot(scene.robots[robot], scene.geometries, compared ? colour : null);
+    if (this.robot) this.group.add(this.robot.root);
+    this.motion = motion ? new Motion(motion) : null;
+    if (!motion) return;
     this.materials = {
       error: new THREE.MeshPhongMaterial({ vertexColors: true }),
       run: plain(colour),
-      platform: plain(this.compared ? colour : "#8a94a3"),
+      platform: plain(compared ? colour : "#8a94a3"),
     };
-    const ball = (radius, colour) => new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 16), plain(colour));
+    const ball = (radius, tint) => new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 16), plain(tint));
     this.path = tube(this.motion.path, 0.55 * width, plain("#4a5361"));
     this.target = ball(2.6 * width, "#111827");
     this.actual = ball(2 * width, colour);
     this.actual.visible = this.robot === null;
     this.lines = new THREE.Group();
     this.group.add(this.path, this.target, this.actual, this.lines);
-    this.drawMotion(decades);
+    this.drawMotion(scene.error_decades);
+  }
+
+  get info() {
+    return this.description.info;
   }
 
   // Everything that the samples make; again, when there are more of them.
@@ -212,12 +182,11 @@ class Run {
     this.track.scale.z = 0.4;
     this.track.position.z = 0.12 * width; // above the ground's grid
     lines.add(this.trail, this.track);
-    if (robot) {
-      const has = new Set(this.efforts.map((effort) => effort.joint));
-      const radii = new Map(robot.description.wheels.map((wheel) => [wheel.joint, 1.25 * wheel.radius]));
-      for (const joint of robot.joints)
-        if (motion.peaks[joint.q] > 0 && !has.has(joint))
-          this.efforts.push(new Effort(joint, radii.get(joint.name) || 0.07 * robot.extent));
+    const wheels = robot ? robot.description.wheels : [];
+    for (const joint of robot ? robot.joints : []) {
+      if (!(motion.peaks[joint.q] > 0) || this.efforts.some((effort) => effort.joint === joint)) continue;
+      const wheel = wheels.find((one) => one.joint === joint.name);
+      this.efforts.push(new Effort(joint, wheel ? 1.25 * wheel.radius : 0.07 * robot.extent));
     }
     this.update();
   }
@@ -232,7 +201,7 @@ class Run {
     if (!this.motion) return;
     this.time = time;
     this.place = this.motion.at(time);
-    if (this.robot) this.robot.setConfiguration(this.motion.configuration(this.place, this.robot.q));
+    if (this.robot) this.robot.setConfiguration(this.motion.configuration(this.place));
     this.update();
   }
 
@@ -242,25 +211,17 @@ class Run {
     for (const line of this.lines.children) showUpTo(line, place.frame);
     this.lines.visible = this.shown.trails;
     this.trail.material = this.byError ? this.materials.error : this.materials.run;
-    motion.point(motion.desired, place, this.target.position);
-    motion.point(motion.tip, place, this.actual.position);
+    this.target.position.copy(motion.point(motion.desired, place));
+    this.actual.position.copy(motion.point(motion.tip, place));
     for (const effort of this.efforts) {
       const q = effort.joint.q;
       effort.set(motion.effort[place.frame * motion.effort.columns + q] / motion.peaks[q], this.shown.efforts);
     }
   }
 
-  get error() {
-    return this.motion.error[this.place.frame];
-  }
-
-  get ended() {
-    return this.time > this.motion.end + 1e-9;
-  }
-
   // Where its label goes: over its platform, or over its tip.
   labelPoint() {
-    const point = this.motion.point(this.robot ? this.motion.platform : this.motion.tip, this.place, new THREE.Vector3());
+    const point = this.motion.point(this.robot ? this.motion.platform : this.motion.tip, this.place);
     if (this.robot) point.z = 1.08 * this.robot.height;
     return this.group.localToWorld(point);
   }
@@ -268,8 +229,8 @@ class Run {
   // Points to have in view: of its lines, and of the robot along its way, near a box on the ground.
   outline({ min, max }) {
     const near = ({ x, y }) => x >= min.x - 1e-6 && x <= max.x + 1e-6 && y >= min.y - 1e-6 && y <= max.y + 1e-6;
-    const { motion, robot } = this;
-    if (!motion) return [...this.corners(), new THREE.Vector3().setFromMatrixPosition(this.pose("tip"))];
+    const { motion, robot, group } = this;
+    if (!motion) return [...robot.corners(group), new THREE.Vector3().setFromMatrixPosition(this.pose("tip"))];
     const point = (track, frame) => new THREE.Vector3().fromArray(track, 3 * frame);
     const points = [motion.path, motion.tip, motion.platform].flatMap((track) =>
       Array.from({ length: Math.ceil(track.rows / 10) }, (_, i) => point(track, 10 * i)).filter(near)
@@ -278,24 +239,11 @@ class Run {
     for (let i = 0; robot && i <= SNAPSHOTS; i++) {
       const frame = Math.round((i / SNAPSHOTS) * (motion.frames - 1));
       if (!near(point(motion.platform, frame))) continue;
-      robot.setConfiguration(motion.q.subarray(frame * now.length, (frame + 1) * now.length));
-      points.push(...this.corners());
+      robot.setConfiguration(motion.configuration({ frame, next: frame, share: 0 }));
+      points.push(...robot.corners(group));
     }
     if (robot) robot.setConfiguration(now);
     return points;
-  }
-
-  // The corners of everything that the robot is drawn with, in the run's own world.
-  corners() {
-    this.group.updateWorldMatrix(true, true);
-    return this.robot.layers.visual.flatMap((mesh) => {
-      if (!mesh.geometry.boundingBox) mesh.geometry.computeBoundingBox();
-      const { min, max } = mesh.geometry.boundingBox;
-      return Array.from({ length: 8 }, (_, i) => {
-        const corner = new THREE.Vector3(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z);
-        return this.group.worldToLocal(mesh.localToWorld(corner));
-      });
-    });
   }
 
   // The pose of a joint, a link, a part or the tip, in the run's own world.
