@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -338,52 +339,51 @@ def robot_of_run(
     """
     problems: list[str] = []
     for spec, sources in _candidates(record, folder, problems):
-        try:
+        with _noted(problems):
             if (found := sources.sha256()) != record.urdf_sha256:
-                problems.append(
+                raise SpecError(
                     f"its URDF {sources} is not the run's (SHA-256 {found[:12]}..., the run's "
                     f"{record.urdf_sha256[:12]}...)"
                 )
-                continue
             robot = build_robot(spec, sources)
-        except MobmanError as error:
-            problems.append(str(error))
-            continue
-        if robot.joint_names == record.joint_names and robot.nz == record.z.shape[1]:
-            return robot, ""
-        problems.append("its coordinates are not the run's")
+            if robot.joint_names == record.joint_names and robot.nz == record.z.shape[1]:
+                return robot, ""
+            raise SpecError("its coordinates are not the run's")
     # the first is about the registered robot, or else about the record's own description
     return None, problems[0] if problems else "the record does not describe it"
+
+
+@contextmanager
+def _noted(problems: list[str]) -> Iterator[None]:
+    try:
+        yield
+    except MobmanError as error:
+        problems.append(str(error))
 
 
 def _candidates(
     record: Record, folder: Path | None, problems: list[str]
 ) -> Iterator[tuple[RobotSpec, UrdfSources]]:
-    registered = None
-    try:
-        if record.robot in list_robots():
-            found = find_spec(record.robot)
-            registered = (found, urdf_sources(found))
-    except MobmanError as error:
-        problems.append(str(error))
-    described, described_as_code = record.spec.get("robot"), False
-    if isinstance(described, dict):
-        try:
-            spec = as_spec({**described, "folder": Path(), "file": None})
-            if described_as_code := bool(spec.code):
-                own = registered_as(described)
-                yield own, urdf_sources(own)
-                return
-            if registered is not None:
-                yield spec, registered[1]
-            for place in dict.fromkeys(path for path in (folder, Path.cwd()) if path is not None):
-                try:
-                    yield spec, _beside(spec, place)
-                except MobmanError as error:
-                    problems.append(str(error))
-        except MobmanError as error:
-            problems.append(str(error))
-    if registered is not None and not described_as_code and not registered[0].code:
+    registered, own = None, None
+    with _noted(problems):
+        if record.robot in list_robots():  # it is a name alone, never a path
+            known = find_spec(record.robot)
+            registered = (known, urdf_sources(known))
+    with _noted(problems):
+        if isinstance(described := record.spec.get("robot"), dict):
+            own = as_spec({**described, "folder": Path(), "file": None})
+    if own is not None and own.code:
+        with _noted(problems):
+            known = registered_as(record.spec["robot"])
+            yield known, urdf_sources(known)
+        return
+    if own is not None:
+        if registered is not None:
+            yield own, registered[1]
+        for place in dict.fromkeys(path for path in (folder, Path.cwd()) if path is not None):
+            with _noted(problems):
+                yield own, _beside(own, place)
+    if registered is not None and not registered[0].code:
         yield registered
 
 

@@ -300,12 +300,8 @@ class LiveRun:
         self._began: float | None = None
         self._robot = load_robot(robot.spec)
         self._task = make_task(task, self._robot, **(task_options or {}))
-        self._about: dict[str, Any] = {
-            "controller": controller,
-            "task": task,
-            "scenario": scenario,
-            "seed": seed,
-        }
+        self._about: dict[str, Any] = {"robot": robot.name, "controller": controller, "task": task}
+        self._about |= {"scenario": scenario, "seed": seed}
         self._samples: list[tuple[float, Array, Array, Array]] = []
         self._asked = threading.Event()
         self._whole: str | None = None
@@ -352,10 +348,8 @@ class LiveRun:
         desired = np.array([self._task.desired(float(instant))[0] for instant in t])
         m, robot = desired.shape[1], self._robot
         tip = np.array([robot.tip_pose(row).translation[:m] for row in q])
-        return States(
-            *(t, q, z, torque, tip, desired, tip - desired, robot.joint_names),
-            **self._about,
-        )
+        error, names = tip - desired, robot.joint_names
+        return States(t, q, z, torque, tip, desired, error, names, **self._about)
 
 
 def _in_notebook() -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import http.client
 import socket
 import struct
@@ -100,3 +101,29 @@ def test_browser_that_is_gone_before_the_answer(caplog):
                 asking.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
                 asking.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 3)
     assert caplog.records == []
+
+
+def test_answers():
+    """The page whole, packed if the browser says that it unpacks; its head alone; nothing else."""
+    with serving("127.0.0.1") as server:
+
+        def answer(method, path, **headers):
+            connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+            try:
+                connection.request(method, path, headers=headers)
+                response = connection.getresponse()
+                return response.status, response.getheader("Content-Length"), response.read()
+            finally:
+                connection.close()
+
+        assert answer("GET", "/") == (200, "8", b"the page")
+        assert answer("HEAD", "/") == (200, "8", b"")
+        status, _, packed = answer("GET", "/", **{"Accept-Encoding": "gzip, br"})
+        assert (status, gzip.decompress(packed)) == (200, b"the page")
+        assert answer("GET", "/other")[0] == 404
+        assert answer("POST", "/")[0] == 501
+
+
+def test_connection_that_asks_nothing_holds_nothing_up():
+    with serving("127.0.0.1") as server, socket.create_connection(("127.0.0.1", server.port)):
+        assert status(server, "localhost") == 200

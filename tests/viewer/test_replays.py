@@ -109,15 +109,21 @@ def test_torques_are_drawn_on_the_joints(replay):
     found = page.evaluate(
         """mobman.app.runs[0].efforts.map(e => [e.joint.name, e.group.visible,
             Math.sign(new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(e.group.quaternion)
-                .dot(e.joint.direction))])"""
+                .dot(e.joint.direction)), e.group.scale.x / e.size])"""
+    )
+    peaks = page.evaluate(
+        """Object.fromEntries(mobman.app.runs[0].robot.joints.map(
+            j => [j.name, mobman.app.runs[0].motion.peaks[j.q]]))"""
     )
     sample = _of(record, page.evaluate("mobman.frameTimes().filter(t => t <= 0.3).pop()"))
     effort = robot.actuation(record.q[sample]) @ record.torque[sample]
     assert {name for name, *_ in found} >= {robot.joint_names[i] for i in robot.arm_index}
-    for name, visible, sign in found:
+    for name, visible, sign, share in found:
         if visible:
-            assert sign == np.sign(effort[robot.joint_names.index(name)])
-    assert any(visible for _, visible, _ in found)
+            i = robot.joint_names.index(name)
+            assert sign == np.sign(effort[i])
+            assert share == pytest.approx(np.sqrt(abs(effort[i]) / peaks[name]), rel=1e-4)
+    assert any(visible for _, visible, *_ in found)
     page.click("#show-efforts")
 
 
