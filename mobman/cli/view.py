@@ -50,7 +50,7 @@ def _pixels(
     type=click.Choice(["overlay", "side-by-side"]),
     default="overlay",
     show_default=True,
-    help="Of several runs.",
+    help="Layout of several runs.",
 )
 @click.option(
     "--time",
@@ -66,14 +66,14 @@ def _pixels(
     "--size",
     metavar="WxH",
     callback=_pixels,
-    help="Of a picture or film, pixels.  [default: 1280x720]",
+    help="Size of a picture or film, pixels.  [default: 1280x720]",
 )
 @click.option(
     "--speed",
     type=POSITIVE,
     default=1.0,
     show_default=True,
-    help="Of a film: seconds of the run a second.",
+    help="Speed of a film: seconds of the run a second.",
 )
 def view(
     what: tuple[str, ...],

@@ -111,8 +111,8 @@ def read_mesh(
 
     Args:
         path: The file.
-        scale: Of its three axes.
-        coloured: Whether its own colours are wanted.
+        scale: Scale of its three axes.
+        coloured: True to read its own colours.
 
     Raises:
         MeshError: If it cannot be read, or has no triangle.

@@ -52,7 +52,7 @@ def save_picture(
     """Write a picture as a PNG file: whole, or not at all.
 
     Args:
-        scene: What to show.
+        scene: The scene.
         path: The file.
         time: s; the end of the longest run by default.
         size: Width and height (pixels).
@@ -81,7 +81,7 @@ def save_film(
     """Write a film of the runs from beginning to end, as GIF or MP4 by the file's name.
 
     Args:
-        scene: What to show.
+        scene: The scene.
         path: The file, ``.gif`` or ``.mp4``.
         fps: Frames a second; 30, and 20 for a GIF, by default.
         size: Width and height (pixels).
@@ -194,7 +194,7 @@ def _in_browser(scene: Scene, size: tuple[int, int], act: Callable[[Any], Any]) 
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """A browser without a window, of playwright; it is closed at the end.
+    """Start a browser without a window, by playwright; it is closed at the end.
 
     Raises:
         BrowserMissingError: If playwright or a browser is missing.

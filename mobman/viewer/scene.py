@@ -186,8 +186,8 @@ def scene_of_runs(
 
     Args:
         runs: The runs; those whose robot cannot be built are drawn as path and trail, with a warning.
-        layout: Of several runs: in one place, or side by side.
-        time: What it opens at (s); the end of a single run that failed, and else its beginning, by
+        layout: Layout of several runs: in one place, or side by side.
+        time: Time that it opens at (s); the end of a single run that failed, and else its beginning, by
             default.
         live: True to show the first sample and the desired path alone: the page follows the rest.
 
@@ -282,7 +282,7 @@ def labels(records: Sequence[Record | States], names: Sequence[str]) -> list[str
 
     Args:
         records: The runs.
-        names: What to call those that are alike in everything, such as their files' names.
+        names: Names for those that are alike in everything, such as their files'.
     """
     described = [(r.robot, r.controller, r.task, r.scenario, f"seed {r.seed}") for r in records]
     telling = [field for field in zip(*described, strict=True) if len(set(field)) > 1]
@@ -382,12 +382,12 @@ def _candidates(
             yield own, registered[1]
         for place in dict.fromkeys(path for path in (folder, Path.cwd()) if path is not None):
             with _noted(problems):
-                yield own, _beside(own, place)
+                yield own, _in_folder(own, place)
     if registered is not None and not registered[0].code:
         yield registered
 
 
-def _beside(spec: RobotSpec, place: Path) -> UrdfSources:
+def _in_folder(spec: RobotSpec, place: Path) -> UrdfSources:
     """The URDFs of a description in a folder, with the meshes that lie there.
 
     Raises:

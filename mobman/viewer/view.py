@@ -58,7 +58,7 @@ class View:
     it, or with :meth:`close`; a view is a context manager that closes itself.
 
     Attributes:
-        scene: What is shown.
+        scene: The scene that it shows.
     """
 
     def __init__(
@@ -99,8 +99,8 @@ class View:
 
         Args:
             path: ``.html`` for the page, ``.png`` for a picture, ``.gif`` or ``.mp4`` for a film.
-            options: Of a picture: ``time`` (s), ``size`` (pixels); of a film: ``fps``, ``size``,
-                ``speed``.
+            options: For a picture ``time`` (s) and ``size`` (pixels); for a film ``fps``, ``size``
+                and ``speed``.
 
         Returns:
             The file's path.
@@ -168,18 +168,18 @@ def view(
     layout: Layout = "overlay",
     time: float | None = None,
 ) -> View:
-    """Look at a robot, a run, or several runs together.
+    """Show a robot, a run, or several runs together.
 
     Args:
         what: A robot (an object, a name, a TOML file or a description), a run (a record or its HDF5
             file), or several runs.
         html: A file to write the page to, instead of serving it.
-        open_browser: Whether to open the user's browser; by default unless this is a notebook, where
+        open_browser: True to open the user's browser; the default unless this is a notebook, where
             the view shows itself, or a file was written.
         host: Address to listen on; this machine alone by default.
         port: Port to listen on; a free one by default.
-        layout: Of several runs: ``"overlay"`` or ``"side-by-side"``.
-        time: What a replay opens at (s); by default its beginning, or the end of a run that failed.
+        layout: Layout of several runs: ``"overlay"`` or ``"side-by-side"``.
+        time: Time that a replay opens at (s); by default its beginning, or the end of a run that failed.
 
     Returns:
         The view: keep it as long as the page is to be served.
@@ -205,7 +205,7 @@ def view(
 def make_scene(
     what: Viewable | Iterable[Viewable], *, layout: Layout = "overlay", time: float | None = None
 ) -> Scene:
-    """The scene that :func:`view` shows, as plain data.
+    """Make the scene that :func:`view` shows, as plain data.
 
     Raises:
         MobmanError: As :func:`view` does.
@@ -266,7 +266,7 @@ class LiveRun:
         robot: The robot, at rest where it begins.
         task: The task's name.
         task_options: Its parameters that are not to have their defaults.
-        duration: Of the run (s).
+        duration: Duration of the run (s).
         speed: Simulated seconds a second at most; None for as fast as it goes.
         controller: Its name, to be shown.
         scenario: Its name, to be shown.
@@ -322,7 +322,7 @@ class LiveRun:
             sleep(early)
 
     def finish(self, record: Record) -> None:
-        """The run has ended: from now on, the page is told all of it."""
+        """Give the page all of the run, which has ended."""
         content = scene_of_runs([ShownRun(record, record.controller, robot=self._robot)]).content
         told = {name: content["runs"][0][name] for name in ("motion", "info")}
         told |= {"ended": True, "error_decades": content["error_decades"]}

@@ -103,16 +103,16 @@ class App {
 
   setLayout(layout) {
     this.layout = layout;
-    const beside = layout === "side-by-side";
+    const apart = layout === "side-by-side";
     const paths = new Set();
     for (const run of this.runs) {
-      run.group.position.set(...(beside ? run.description.offset : [0, 0]), 0);
+      run.group.position.set(...(apart ? run.description.offset : [0, 0]), 0);
       run.group.updateMatrixWorld(true);
-      if (run.robot && this.several) run.robot.setOpacity(beside ? 1 : GHOST);
+      if (run.robot && this.several) run.robot.setOpacity(apart ? 1 : GHOST);
       if (!run.motion) continue;
       // runs of one task have one path
       const path = run.description.motion.desired.data;
-      run.path.visible = run.target.visible = beside || !paths.has(path);
+      run.path.visible = run.target.visible = apart || !paths.has(path);
       paths.add(path);
     }
     this.look();
@@ -145,7 +145,7 @@ class App {
     };
   }
 
-  // What does not change with time: who runs, the colours' meaning, the runs' labels.
+  // The text that stays: the runs, the colours' meaning, the runs' labels.
   writeInfo() {
     const { runs, several } = this;
     const { motion, info } = runs[0];
@@ -182,7 +182,7 @@ class App {
     byId("ticks").replaceChildren(...powers.map((power) => element("span", {}, "10", element("sup", {}, power))));
   }
 
-  // What changes with time.
+  // The text and the controls that change with time.
   writeState() {
     const { runs, scene, time } = this;
     byId("time").value = time;

@@ -219,7 +219,7 @@ class Run {
     }
   }
 
-  // Where its label goes: over its platform, or over its tip.
+  // The place of its label: over its platform, or over its tip.
   labelPoint() {
     const point = this.motion.point(this.robot ? this.motion.platform : this.motion.tip, this.place);
     if (this.robot) point.z = 1.08 * this.robot.height;
