@@ -155,3 +155,35 @@ def test_reduced_meshes_keep_their_size():
     bounds = np.array([small.vertices.min(axis=0), small.vertices.max(axis=0)])
     assert bounds == pytest.approx(np.array([[-1, -1, 0], [1, 1, 1]]), abs=0.02)
     assert small.colour == (1.0, 0.0, 0.0, 1.0)
+
+
+def _ring(sides):
+    """The side of a cylinder about z, of radius 1, as an OBJ file."""
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    corners = [(np.cos(a), np.sin(a), h) for h in (0.0, 1.0) for a in angles]
+    lines = ["v {:.9f} {:.9f} {:.9f}".format(*corner) for corner in corners]
+    for i in range(1, sides + 1):
+        j = i % sides + 1
+        lines += [f"f {i} {j} {i + sides}", f"f {j} {j + sides} {i + sides}"]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(("sides", "smooth"), [(36, True), (6, False)])
+def test_edges_are_seen_and_curves_are_smooth(tmp_path, opened, sides, smooth):
+    """Normals point away from the axis, or are their triangle's where edges are of 60 degrees."""
+    (tmp_path / "ring.obj").write_text(_ring(sides), encoding="ascii")
+    mesh = MESH.replace("package://nowhere/", "").format("ring.obj")
+    robot = _robot(tmp_path, lambda text: _in_link(text, "arm_1", mesh))
+    with opened(mm.view(robot, html=tmp_path / "page.html").url) as page:
+        position, normal = page.evaluate(
+            """["position", "normal"].map(name => Array.from(mobman.app.runs[0].robot.layers.visual
+                .find(mesh => mesh.userData.role === "visual" && mesh.geometry.type === "BufferGeometry")
+                .geometry.attributes[name].array))"""
+        )
+    position, normal = (np.reshape(values, (-1, 3, 3)) for values in (position, normal))
+    outward = np.sum(normal[..., :2] * position[..., :2], axis=2)
+    if smooth:
+        assert outward.min() > np.cos(np.radians(3.0))
+    else:
+        assert outward == pytest.approx(np.cos(np.radians(30.0)), abs=1e-6)
+    assert np.linalg.norm(normal, axis=2) == pytest.approx(1.0, abs=1e-6)
