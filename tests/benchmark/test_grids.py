@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from support.suites import suite_of as suite_of_laws
 
-from mobman.benchmark.grid import chosen, expand
+from mobman.benchmark.expand import chosen, expand
 from mobman.benchmark.suite import load_suite
 from mobman.errors import SpecError, UnknownNameError, UsageError
 

@@ -17,7 +17,7 @@ from mobman.benchmark.runner import jobs_of
 from mobman.benchmark.running.job import Result
 from mobman.benchmark.running.loop import results
 from mobman.benchmark.running.place import Place
-from mobman.benchmark.suite import Space
+from mobman.benchmark.suite_tables import Space
 from mobman.benchmark.tuning.objective import Objective
 from mobman.controllers.protocol import gains_by_field
 from mobman.errors import MobmanError

@@ -18,7 +18,8 @@ from pydantic_core import to_json
 from mobman.benchmark.running.given import Given
 from mobman.benchmark.running.local import Local
 from mobman.benchmark.running.place import Place
-from mobman.benchmark.suite import Suite, TunedFrom, Tuning
+from mobman.benchmark.suite import Suite
+from mobman.benchmark.suite_tables import TunedFrom, Tuning
 from mobman.benchmark.tuning.objective import objectives
 from mobman.benchmark.tuning.search import (
     Search,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mobman.benchmark.suite import TunedFrom, Tuning
+from mobman.benchmark.suite_tables import TunedFrom, Tuning
 from mobman.benchmark.tuning.objective import objectives
 from mobman.benchmark.tuning.tuning_set import law_space
 from mobman.controllers.protocol import controllers

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from support.tuning import KnownOptimum, tuned_suite
 
-from mobman.benchmark.suite import SearchRange
+from mobman.benchmark.suite_tables import SearchRange
 from mobman.benchmark.tuning.tuning_set import candidates, law_space
 from mobman.controllers.protocol import controllers, list_controllers, make_controller
 from mobman.errors import SpecError, UnknownNameError

@@ -1,0 +1,446 @@
+"""From a suite to its runs: grids, names and patterns, overrides, and what all of them stand for."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from itertools import product
+from typing import Any, NamedTuple, TypeVar, cast
+
+from mobman.benchmark.suite_tables import Changes, Override, SuiteTables
+from mobman.controllers.protocol import controllers, make_controller
+from mobman.errors import MobmanError, SpecError, UnknownNameError, UsageError
+from mobman.model.build import load_robot
+from mobman.model.platforms.platform import platforms
+from mobman.robots.catalogue import find_spec, list_robots
+from mobman.simulation.run_spec import RunSpec, fingerprint, foreign_code_sha256
+from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
+from mobman.tasks.task import check_parameters, make_task, task_parameters, tasks
+
+MOST_RUNS = 100_000
+"""Of a group: what is held in memory of a suite, and listed, grows with them."""
+MOST_ENTRIES = 10_000
+
+T = TypeVar("T")
+
+
+def runs_of(suite: SuiteTables) -> list[RunSpec]:
+    """Every run of a suite, in the order of the file.
+
+    Raises:
+        SpecError: With everything that is wrong, also with entries that no run is of: names, gains,
+            parameters, grids, overrides, and runs that are there twice under different names or with
+            different gains.
+    """
+    problems = _Problems(suite.name)
+    expansion = _Expansion(suite, problems)
+    expansion.check()
+    planned = list(expansion.planned())
+    expansion.resolve(planned)
+    problems.require_none()
+    runs: dict[str, RunSpec] = {}
+    by_name: dict[tuple[Any, ...], str] = {}
+    for plan in planned:
+        run = expansion.run(plan)
+        other = runs.setdefault(run.run_id, run)
+        for field, names in (("label", "labels"), ("task", "labels"), ("robot", "robots")):
+            first, second = getattr(other, field), getattr(run, field)
+            if first != second:
+                problems.note(f"{plan.where}: {names} {first!r} and {second!r} are the same run")
+        if by_name.setdefault((run.cell, run.label, run.seed), run.run_id) != run.run_id:
+            problems.note(f"{plan.where}: {run} is asked for twice, with other gains")
+    problems.require_none()
+    return list(runs.values())
+
+
+def number_of_runs(suite: SuiteTables) -> int:
+    """How many runs a suite has, by the names alone: no robot is loaded and no gain is looked at.
+
+    Raises:
+        SpecError: With all names that are unknown, grids that are not valid, and overrides that fit no
+            run.
+    """
+    problems = _Problems(suite.name)
+    found = {plan._replace(where="", gains=None) for plan in _Expansion(suite, problems).planned()}
+    problems.require_none()
+    return len(found)
+
+
+class _Problems:
+    """Faults of a suite, each once and in the order in which they are met."""
+
+    def __init__(self, suite: str) -> None:
+        self._suite = suite
+        self._found: dict[str, None] = {}
+
+    def note(self, problem: str) -> None:
+        self._found[problem] = None
+
+    def attempt(
+        self, where: str, function: Callable[..., T], /, *arguments: Any, **options: Any
+    ) -> T | None:
+        """The result of a function; None, with its error noted, if it raises one of mobman's."""
+        try:
+            return function(*arguments, **options)
+        except MobmanError as error:
+            text = str(error)
+            self.note(text if text.startswith(f"{where}:") else f"{where}: {text}")
+            return None
+
+    def require_none(self) -> None:
+        """
+        Raises:
+            SpecError: With all that was noted, if anything was.
+        """
+        if self._found:
+            raise SpecError(f"suite {self._suite!r}: " + "; ".join(self._found))
+
+
+class _Table:
+    """The controllers, tasks or scenarios that a suite defines, its grids multiplied out.
+
+    Attributes:
+        fields: Fields by name.
+        members: Names by the label that stands for them.
+        labels: The label of each name.
+    """
+
+    def __init__(
+        self, kind: str, entries: Mapping[str, Any], field: str, problems: _Problems
+    ) -> None:
+        self.fields: dict[str, dict[str, Any]] = {}
+        self.members: dict[str, list[str]] = {}
+        for label, entry in entries.items():
+            where = f"{kind}.{label}"
+            own = problems.attempt(where, expand, label, getattr(entry, field), entry.grid) or {}
+            for name in own.keys() & self.fields.keys():
+                problems.note(f"{where}: {name!r} is the name of another entry, too")
+            self.fields |= own
+            self.members[label] = list(own)
+        self.labels = {name: label for label, names in self.members.items() for name in names}
+
+
+class _Plan(NamedTuple):
+    """A run by its names."""
+
+    where: str
+    """The part of the file that lists it."""
+    robot: str
+    task: str
+    scenario: str
+    label: str
+    """The controller's name."""
+    gains: Any
+    """Of the group and of overrides."""
+    seed: int
+    duration: float
+    dt: float
+
+    @property
+    def controller(self) -> tuple[str, str]:
+        """Equal for runs whose controllers have the same name and gains."""
+        return self.label, json.dumps(self.gains, sort_keys=True, default=str)
+
+
+class _Expansion:
+    """The runs of a suite; each thing that several of them share is made once."""
+
+    def __init__(self, suite: SuiteTables, problems: _Problems) -> None:
+        self._suite, self._problems = suite, problems
+        self._controllers, self._tasks, self._scenarios = (
+            _Table(kind, getattr(suite, kind), field, problems)
+            for kind, field in (
+                ("controllers", "gains"),
+                ("tasks", "parameters"),
+                ("scenarios", "fields"),
+            )
+        )
+
+    def check(self) -> None:
+        """Note what is wrong with any of the suite's own entries, used or not."""
+        attempt = self._problems.attempt
+        for name, gains in self._controllers.fields.items():
+            label, law = self._controllers.labels[name], self._law_of(name)
+            attempt(f"controller {name!r}", make_controller, law, **gains)
+            for number, group in enumerate(self._suite.groups):
+                for meant in (key for key in group.gains if key in (name, label)):
+                    where = f"controller {name!r} in groups.{number}"
+                    attempt(where, make_controller, law, **{**gains, **group.gains[meant]})
+        for name, parameters in self._tasks.fields.items():
+            attempt(f"task {name!r}", check_parameters, self._task_of(name)[0], parameters)
+        for name in self._scenarios.fields:
+            attempt(f"scenario {name!r}", self._scenario, name)
+
+    # Names and patterns
+
+    def planned(self) -> Iterator[_Plan]:
+        """Every run by its names, in the order of the file, overrides applied; it is noted which names
+        are unknown, and so left out, and which gains and overrides are for no run."""
+        suite, used = self._suite, set[int]()
+        for number, group in enumerate(suite.groups):
+            where = f"groups.{number}"
+            labels = self._chosen("label", where, group.controllers or ["*"], self._controllers)
+            robots = self._robots(where, group.robots)
+            aims = self._chosen("task", where, group.tasks, self._tasks, tasks.names())
+            scenarios = self._chosen_scenarios(where, group.scenarios)
+            gains: dict[str, dict[str, Any]] = {}
+            for label, own in group.gains.items():
+                names = self._controllers.members.get(label, [label])
+                if not set(names) & set(labels):
+                    self._problems.note(
+                        f"{where}: gains for {label!r}, which is not among its controllers"
+                    )
+                for name in names:
+                    gains[name] = gains.get(name, {}) | own
+            periods, seeds = group.dt or suite.dt, group.seeds or suite.seeds
+            each = len(seeds) * (len(periods) if isinstance(periods, list) else 1)
+            count = len(robots) * len(aims) * len(scenarios) * len(labels) * each
+            if count > MOST_RUNS:
+                self._problems.note(f"{where} asks for {count} runs; allowed: {MOST_RUNS}")
+                continue
+            for cell in product(robots, aims, scenarios, labels):
+                overrides = []
+                for i, override in enumerate(suite.overrides):
+                    if self._fits(override, cell):
+                        used.add(i)
+                        overrides.append(override)
+                        if override.skip:
+                            break
+                else:
+                    own = dict(gains.get(cell[3], {}))
+                    for override in overrides:
+                        own |= override.gains
+                    # of the rest, the last that is given
+                    parts: list[SuiteTables | Changes] = [suite, group, *overrides]
+                    duration = [part.duration for part in parts if part.duration is not None][-1]
+                    periods = [part.dt for part in parts if part.dt is not None][-1]
+                    seeds = [part.seeds for part in parts if part.seeds is not None][-1]
+                    for dt in periods if isinstance(periods, list) else [periods]:
+                        for seed in seeds:
+                            yield _Plan(where, *cell, own, seed, duration, dt)
+        for number in sorted(set(range(len(suite.overrides))) - used):
+            self._problems.note(f"overrides.{number} fits no run; see its 'where'")
+
+    def _fits(self, override: Override, cell: Sequence[str]) -> bool:
+        where = override.where
+        patterns = (where.robots, where.tasks, where.scenarios, where.controllers)
+        tables = (None, self._tasks, self._scenarios, self._controllers)
+        for name, given, table in zip(cell, patterns, tables, strict=True):
+            members = table.members if table is not None else {}
+            if given is not None and not any(
+                fnmatchcase(name, pattern) or name in members.get(pattern, []) for pattern in given
+            ):
+                return False
+        return True
+
+    def _chosen(
+        self,
+        kind: str,
+        where: str,
+        patterns: Sequence[str],
+        table: _Table,
+        others: Sequence[str] = (),
+    ) -> list[str]:
+        """Names of the suite's own entries, and of others, that patterns mean, each once."""
+        names = list(dict.fromkeys([*table.fields, *others]))
+        found: dict[str, None] = {}
+        for pattern in patterns:
+            try:
+                meant = chosen(f"{kind} in {where}", pattern, names, table.members)
+            except UnknownNameError as error:
+                self._problems.note(str(error))
+            else:
+                found |= dict.fromkeys(meant)
+        return list(found)
+
+    def _robots(self, where: str, patterns: Sequence[str]) -> list[str]:
+        """Robots that patterns mean; one may be a description's file."""
+        found: dict[str, None] = {}
+        attempt = self._problems.attempt
+        for pattern in patterns:
+            if any(mark in pattern for mark in "*?["):
+                names = attempt(where, chosen, "robot", pattern, list_robots(), {}) or []
+                found |= dict.fromkeys(names)
+            elif attempt(where, find_spec, pattern) is not None:
+                found[pattern] = None
+        return list(found)
+
+    def _chosen_scenarios(self, where: str, patterns: Sequence[str]) -> list[str]:
+        """Scenarios that patterns mean: the suite's own, those that have names, and files."""
+        found: dict[str, None] = {}
+        for pattern in patterns:
+            if not pattern.endswith(".toml"):
+                known = list_scenarios()
+                names = self._chosen("scenario", where, [pattern], self._scenarios, known)
+                found |= dict.fromkeys(names)
+            elif (
+                self._problems.attempt(f"scenario {pattern!r}", load_scenario, pattern) is not None
+            ):
+                found[pattern] = None
+        return list(found)
+
+    # What names stand for
+
+    def _law_of(self, controller: str) -> str:
+        return self._suite.controllers[self._controllers.labels[controller]].law
+
+    def _task_of(self, task: str) -> tuple[str, dict[str, Any]]:
+        """The registered task that a name stands for, and the parameters that it is given."""
+        label = self._tasks.labels.get(task)
+        name = task if label is None else self._suite.tasks[label].task
+        return name, self._tasks.fields.get(task, {})
+
+    def _scenario(self, name: str) -> tuple[Scenario, dict[str, Any]]:
+        """A scenario, the suite's own, or else a registered one or a file; and all of its fields."""
+        own = self._scenarios.fields.get(name)
+        found = load_scenario(name) if own is None else Scenario(**{**own, "name": name})
+        return found, found.model_dump(mode="json")
+
+    def resolve(self, planned: Sequence[_Plan]) -> None:
+        """Make what the names in runs stand for, and note what cannot be made."""
+        attempt = self._problems.attempt
+        self._fingerprints = {
+            name: attempt(f"robot {name!r}", lambda name: fingerprint(find_spec(name)), name)
+            for name in dict.fromkeys(plan.robot for plan in planned)
+        }
+        self._resolved_scenarios = {
+            name: attempt(f"scenario {name!r}", self._scenario, name)
+            for name in dict.fromkeys(plan.scenario for plan in planned)
+        }
+        self._laws: dict[tuple[str, str], Any] = {}
+        for key, plan in {plan.controller: plan for plan in planned}.items():
+            where = f"controller {plan.label!r}" + (f" in {plan.where}" if plan.gains else "")
+            self._laws[key] = attempt(where, self._gains_and_settings, plan)
+        self._parameters = {
+            (robot, task): attempt(f"task {task!r} for robot {robot!r}", self._known, robot, task)
+            for robot, task in dict.fromkeys((plan.robot, plan.task) for plan in planned)
+            if self._fingerprints[robot] is not None
+        }
+        self._codes: dict[tuple[str, ...], str] = {}
+
+    def _gains_and_settings(self, plan: _Plan) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Gains as given, and all of them."""
+        gains = {**self._controllers.fields[plan.label], **plan.gains}
+        controller = make_controller(self._law_of(plan.label), **gains)
+        settings: dict[str, Any] = getattr(controller, "settings", dict)()
+        return gains, settings
+
+    def _known(self, robot: str, task: str) -> dict[str, Any]:
+        name, given = self._task_of(task)
+        return task_parameters(make_task(name, load_robot(robot), **given))
+
+    def run(self, plan: _Plan) -> RunSpec:
+        """The run of such names, if no problem was noted."""
+        gains, settings = self._laws[plan.controller]
+        law = self._law_of(plan.label)
+        task, given = self._task_of(plan.task)
+        scenario, fields = cast(Any, self._resolved_scenarios[plan.scenario])
+        if (key := (law, task, plan.robot, plan.scenario)) not in self._codes:
+            platform = platforms.get(find_spec(plan.robot).platform.type)
+            things = [controllers.get(law), tasks.get(task), platform, *scenario.types()]
+            self._codes[key] = foreign_code_sha256(things)
+        return RunSpec(
+            label=plan.label,
+            robot=plan.robot,
+            robot_sha256=cast(str, self._fingerprints[plan.robot]),
+            law=law,
+            gains=gains,
+            settings=settings,
+            task=plan.task,
+            task_name=task,
+            task_given=given,
+            task_parameters=cast(Any, self._parameters[plan.robot, plan.task]),
+            scenario=fields,
+            family=self._scenarios.labels.get(plan.scenario, plan.scenario),
+            seed=plan.seed,
+            duration=plan.duration,
+            dt=plan.dt,
+            record_period=self._suite.record_period,
+            compression=self._suite.compression,
+            code_sha256=self._codes[key],
+        )
+
+
+# Grids -------------------------------------------------------------------------------------------
+
+
+def expand(name: str, fields: Mapping[str, Any], grid: Mapping[str, list[Any]]) -> dict[str, Any]:
+    """All combinations of a grid's values, each with a name of its own.
+
+    Args:
+        name: The entry's label.
+        fields: What all of them have.
+        grid: Values by field; ``"a.b.0"`` is a field within a field, or an entry of a list.
+
+    Returns:
+        Fields by name: the label, followed by the values; the label alone if there is no grid.
+
+    Raises:
+        UsageError: If a field of the grid is within something that has no fields, or two
+            combinations have one name, or there are more than :data:`MOST_ENTRIES`.
+    """
+    count = math.prod(len(values) for values in grid.values())
+    if count > MOST_ENTRIES:
+        raise UsageError(f"grid: it has {count} combinations; allowed: {MOST_ENTRIES}")
+    entries = {}
+    for values in product(*grid.values()):
+        content = copy.deepcopy(dict(fields))
+        parts = [name]
+        for (path, choices), value in zip(grid.items(), values, strict=True):
+            _set(content, path, value)
+            parts.append(_text(value, choices.index(value)))
+        full = "-".join(parts)
+        if full in entries:
+            raise UsageError(f"grid: two of its entries are called {full!r}")
+        entries[full] = content
+    return entries
+
+
+def chosen(
+    kind: str, pattern: str, names: list[str], members: Mapping[str, list[str]]
+) -> list[str]:
+    """The names that a suite means: one, all of a grid, or all that fit a pattern such as ``"*"``.
+
+    Raises:
+        UnknownNameError: If there is none.
+    """
+    if pattern in members:
+        return members[pattern]
+    found = (
+        [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
+    )
+    if not found:
+        raise UnknownNameError(kind, pattern, dict.fromkeys([*names, *members]))
+    return found
+
+
+def _set(content: Any, path: str, value: Any) -> None:
+    *parents, last = path.split(".")
+    here = content
+    for part in parents:
+        here = here.setdefault(part, {}) if isinstance(here, dict) else _item(here, part, path)
+    if isinstance(here, dict):
+        here[last] = value
+    else:
+        _item(here, last, path)
+        here[int(last)] = value
+
+
+def _item(here: Any, part: str, path: str) -> Any:
+    if isinstance(here, list) and part.isdigit() and int(part) < len(here):
+        return here[int(part)]
+    raise UsageError(f"grid field {path!r}: {part!r} is not in {here!r}")
+
+
+def _text(value: Any, position: int) -> str:
+    """A value as part of a name; one that is no number or word, by its position."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (int, float)):
+        return f"{value:g}"
+    if isinstance(value, str) and value.replace("-", "").replace("_", "").isalnum():
+        return value
+    return str(position + 1)

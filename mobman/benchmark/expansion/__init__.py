@@ -1,1 +1,0 @@
-"""From a suite to its runs: names, what they stand for, and every combination of them."""
