@@ -19,10 +19,11 @@ from mobman.model.task_map import TaskMap
 from mobman.provenance import versions
 from mobman.simulation.loop import Loop, Observer
 from mobman.simulation.metrics import Run, compute_metrics
+from mobman.simulation.parts import GivenPlant, describe_run, urdfs_of_run
 from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record
 from mobman.simulation.record_file import APPLIED
-from mobman.simulation.run_spec import GivenPlant, RunSpec, describe_run, urdfs_of_run
+from mobman.simulation.run_spec import RunSpec
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.task import Task, make_task, task_map_of
 
@@ -154,10 +155,10 @@ def true_plant(setting: Setting, plant: GivenPlant, scenario: Scenario) -> Mobil
     Args:
         setting: With the nominal robot.
         plant: As given to :func:`simulate`.
-        scenario: Gives the masses and payload, if ``plant`` is no other scenario.
+        scenario: Gives the masses and payload, unless ``plant`` is a scenario.
 
     Raises:
-        UnknownNameError: If a plant is named that is no scenario.
+        UnknownNameError: If a plant is named that is not a scenario.
         UsageError: If it has other joints, or is nothing of the kind.
         SpecError: If a piece of the scenario does not fit the robot.
     """
@@ -184,7 +185,7 @@ def _seed(seed: int) -> int:
     """A seed as a plain int.
 
     Raises:
-        UsageError: If it is no whole number from 0 to 2^63 - 1.
+        UsageError: If it is not a whole number from 0 to 2^63 - 1.
     """
     if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
         raise UsageError(f"seed = {seed!r}: must be a whole number from 0 to 2^63 - 1")
@@ -202,7 +203,7 @@ def _controller(controller: Controller | str) -> Controller:
         return make_controller(controller)
     if isinstance(controller, type) or not isinstance(controller, Controller):
         raise UsageError(
-            f"{controller!r} is no controller: it needs reset(robot, task, dt) and "
+            f"{controller!r} is not a controller: expected methods reset(robot, task, dt) and "
             "step(t, q, z, z_dot) -> torque"
         )
     return controller

@@ -143,7 +143,7 @@ def test_own_task_in_space(youbot):
 
 @pytest.mark.parametrize("thing", [object(), "tsm".upper, np.zeros(5)])
 def test_what_is_no_controller_is_refused(youbot, thing):
-    with pytest.raises(UsageError, match="is no controller: it needs reset"):
+    with pytest.raises(UsageError, match="is not a controller: expected methods reset"):
         mm.simulate(youbot, thing, "circle", duration=0.1)
 
 

@@ -1,0 +1,413 @@
+"""Parts of a run (robots, controller, task) as plain values in a :class:`RunSpec`, and back.
+
+A part that a file cannot hold (an object of a class without a name, say) is noted with the reason in
+``not_repeatable``, and :mod:`mobman.simulation.rerun` refuses such a run in these words. Nothing is
+imported or called because a file names it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import importlib
+import inspect
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from mobman.arrays import Array
+from mobman.controllers.gains import as_settings
+from mobman.controllers.protocol import Controller, controllers
+from mobman.errors import MobmanError, RecordError, UnknownNameError
+from mobman.model.build import build_robot
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.robots.catalogue import as_spec, registered_as
+from mobman.robots.urdf.read import UrdfFile, UrdfSources
+from mobman.simulation.run_spec import RunSpec
+from mobman.simulation.scenario import Scenario, load_scenario
+from mobman.tasks.task import Task, make_task, task_parameters, tasks
+from mobman.toml_model import validate
+
+GivenPlant = MobileManipulator | Scenario | str | os.PathLike[str] | None
+
+_NUMBERS = re.compile(r"[<>|=]?[biuf][1248]")
+_ROUNDING = 1e-9  # of the largest entry: what other processors and libraries may change
+_OWN = "mobman.tasks."
+_FORMER = {
+    f"{_OWN}trajectories.circle:Circle": f"{_OWN}circle:Circle",
+    f"{_OWN}paths.harmonics:Harmonics": f"{_OWN}paths:Harmonics",
+    f"{_OWN}paths.point_to_point:PointToPoint": f"{_OWN}paths:PointToPoint",
+    f"{_OWN}trajectories.kinematic_singularity:ToTheBoundary": f"{_OWN}singular:SingularPath",
+    f"{_OWN}trajectories.algorithmic_singularity:ToTheFold": f"{_OWN}singular:SingularPath",
+}
+"""Classes of tasks by the names that older records have for them."""
+
+
+def describe_run(
+    *,
+    robot: MobileManipulator,
+    controller: tuple[Controller | str, Controller],
+    task: tuple[Task | str, Task],
+    plant: tuple[GivenPlant, MobileManipulator],
+    scenario: Scenario,
+    q0: Array,
+    **numbers: Any,
+) -> RunSpec:
+    """The description of a run.
+
+    Args:
+        robot: The nominal one.
+        controller: As given to :func:`mobman.simulate`, and the object that runs.
+        task: The same.
+        plant: As given, and the true robot that it became.
+        scenario: The scenario.
+        q0: Start, shape (nq,).
+        **numbers: ``duration``, ``dt`` and ``seed``.
+    """
+    (law_given, law), (task_given, aim), (given, true) = controller, task, plant
+    law_name, gains, no_law = _law_of(law_given, law)
+    task_name, task_object, no_task = _task_of(task_given, aim)
+    others: dict[str, Any] = {}
+    if isinstance(given, (str, os.PathLike)):
+        others["plant"] = os.fspath(given)
+        given = load_scenario(given)
+    elif given is not None:
+        others["plant"] = given.name
+    if isinstance(given, Scenario):
+        others["plant_scenario"] = given.model_dump(mode="json")
+    elif given is not None:
+        others["plant_inertias"] = [_inertia(link) for link in list(given.model.inertias)[1:]]
+        if _is_another(given, robot):
+            others["plant_robot"] = given.spec.model_dump(mode="json", by_alias=True)
+    return RunSpec(
+        label=_name_of(law),
+        robot=robot.name,
+        law=law_name,
+        gains=gains,
+        task=_name_of(aim),
+        task_name=task_name,
+        task_parameters=task_parameters(aim),
+        task_object=task_object,
+        scenario=scenario.model_dump(mode="json"),
+        q0=q0.tolist(),
+        description=robot.spec.model_dump(mode="json", by_alias=True),
+        plant_masses=[float(link.mass) for link in list(true.model.inertias)[1:]],
+        at_start={"robot": _at_start(robot, q0), "plant": _at_start(true, q0)},
+        not_repeatable=[reason for reason in (no_law, no_task) if reason],
+        **others,
+        **numbers,
+    )
+
+
+def _name_of(thing: object) -> str:
+    return str(getattr(thing, "name", type(thing).__name__))
+
+
+@contextlib.contextmanager
+def refused(problem: str) -> Iterator[None]:
+    """Errors within the block as a :class:`RecordError` that says what cannot be done."""
+    try:
+        yield
+    except (NotPlainError, MobmanError, TypeError) as error:
+        raise RecordError(f"{problem}: {error}") from error
+
+
+# Robots ------------------------------------------------------------------------------------------
+
+
+def urdfs_of_run(robot: MobileManipulator, plant: GivenPlant) -> dict[str, bytes]:
+    """The URDF files of the robots: of the nominal one by ``"0/NAME"``, ``"1/NAME"``, ..., in the order
+    of the description; of a plant that is another robot by ``"plant/0/NAME"``, ..."""
+    files = {"": robot.urdf.files}
+    if isinstance(plant, MobileManipulator) and _is_another(plant, robot):
+        files["plant/"] = plant.urdf.files
+    return {
+        f"{prefix}{i}/{file.path.name}": file.content
+        for prefix, own in files.items()
+        for i, file in enumerate(own)
+    }
+
+
+def _is_another(plant: MobileManipulator, robot: MobileManipulator) -> bool:
+    return plant.spec != robot.spec or plant.urdf.sha256() != robot.urdf.sha256()
+
+
+def _inertia(link: pin.Inertia) -> list[float]:
+    rows, columns = (0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)
+    return [float(link.mass), *link.lever.tolist(), *link.inertia[rows, columns].tolist()]
+
+
+def _at_start(robot: MobileManipulator, start: Array) -> dict[str, list[float]]:
+    dynamics = robot.dynamics(start, np.zeros(robot.nz))
+    return {"M": np.diag(dynamics.M).tolist(), "bias": dynamics.bias.tolist()}
+
+
+def robot_of(
+    described: dict[str, Any], urdf: dict[str, bytes], prefix: str = ""
+) -> MobileManipulator:
+    """A robot from its description and the URDFs in the record whose places have a prefix.
+
+    Raises:
+        RecordError: If it cannot be built.
+    """
+    own = [key.removeprefix(prefix).split("/", 1) for key in urdf if key.startswith(prefix)]
+    names = dict(sorted((int(i), name) for i, name in own if i.isdigit()))
+    files = [UrdfFile(Path(name), (), urdf[f"{prefix}{i}/{name}"]) for i, name in names.items()]
+    with refused("its robot cannot be built"):
+        spec = as_spec({**described, "folder": Path(), "file": None})
+        if spec.code:
+            spec = registered_as(described)
+        if len(files) != (spec.urdf is not None) + len(spec.mount):
+            raise RecordError("its robot's URDFs are not all in the file")
+        return build_robot(spec, UrdfSources(tuple(files)))
+
+
+def plant_of(
+    run: RunSpec, urdf: dict[str, bytes], robot: MobileManipulator
+) -> MobileManipulator | Scenario | None:
+    """The plant as a run was given it.
+
+    Raises:
+        RecordError: If it cannot be built.
+    """
+    if run.plant_scenario:
+        return scenario_of(run.plant_scenario)
+    if not run.plant_inertias:
+        return None
+    base = robot_of(run.plant_robot, urdf, "plant/") if run.plant_robot else robot
+    if base.model.njoints != len(run.plant_inertias) + 1:
+        raise RecordError("its plant has other joints than its description")
+    model = base.model.copy()
+    for i, numbers in enumerate(run.plant_inertias, start=1):
+        xx, xy, yy, xz, yz, zz = numbers[4:]
+        turning = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        model.inertias[i] = pin.Inertia(numbers[0], np.array(numbers[1:4]), turning)
+    return base.with_model(model)
+
+
+def scenario_of(described: dict[str, Any]) -> Scenario:
+    """A scenario of a record, which has what it extends in it: no other file is read for it.
+
+    Raises:
+        RecordError: If it extends another one.
+        SpecError: If it is not a scenario.
+    """
+    if described.get("extends"):
+        raise RecordError(
+            "its scenario names others that it extends, which a record has no need to"
+        )
+    return validate(Scenario, described, "its scenario")
+
+
+def require_same(robot: MobileManipulator, run: RunSpec, role: str) -> None:
+    """
+    Raises:
+        RecordError: If a robot is not the one that the run had as its ``"robot"`` or ``"plant"``.
+    """
+    now = _at_start(robot, robot.checked_configuration(np.array(run.q0)))
+    for name, then in run.at_start[role].items():
+        new, old = np.array(now[name]), np.array(then)
+        if new.shape != old.shape or not np.all(
+            np.abs(new - old) <= _ROUNDING * np.abs(old).max(initial=0.0)
+        ):
+            raise RecordError(
+                f"its {role} has other inertias or dimensions than what the file describes: it was "
+                "changed in Python after it was built, or this mobman builds it in another way"
+            )
+
+
+# Controller: its law by name, and its gains as they were given -----------------------------------
+
+
+def _law_of(given: Controller | str, controller: Controller) -> tuple[str, dict[str, Any], str]:
+    """The law's registered name, or none; its gains, before "auto" became numbers; and the reason why
+    the controller cannot be made again from these, empty if it can."""
+    law = type(controller)
+    what = f"its controller is an object of the class {law.__name__}, which"
+    name = given if isinstance(given, str) else _registered_name(law, controller)
+    if not name:
+        return "", {}, f"{what} is not registered"
+    if not hasattr(law, "Gains"):
+        lost = not isinstance(given, str) and _takes_parameters(law)
+        return name, {}, f"{what} takes parameters but declares no Gains" if lost else ""
+    gains = getattr(controller, "gains", None)
+    if not isinstance(gains, law.Gains):
+        return name, {}, f"its controller, a {law.__name__}, does not say its gains"
+    problem = f"the gains of its controller, a {law.__name__}, are more than numbers"
+    try:
+        settings = as_settings(gains)
+        if _through_json(settings) == settings == as_settings(law.Gains(**settings)):
+            return name, settings, ""
+    except (MobmanError, TypeError, ValueError) as error:
+        problem += f": {error}"
+    return name, {}, problem
+
+
+def _registered_name(law: type[Any], controller: Controller) -> str:
+    """The name that a class is registered under; its own where it has several."""
+    own = str(getattr(controller, "name", ""))
+    with contextlib.suppress(UnknownNameError):
+        if own and controllers.get(own) is law:
+            return own
+    return next((name for name, item in controllers.loaded().items() if item is law), "")
+
+
+def _takes_parameters(law: type[Any]) -> bool:
+    try:
+        return bool(inspect.signature(law).parameters)
+    except (TypeError, ValueError):  # classes of other languages have no signature
+        return False
+
+
+def _through_json(value: Any) -> Any:
+    def number(item: Any) -> Any:
+        if isinstance(item, np.generic):
+            return item.item()
+        raise TypeError(f"{type(item).__name__} is nothing that a file can hold")
+
+    return json.loads(json.dumps(value, default=number))
+
+
+# Task: its fields where it is a dataclass of a known package, or else its name -------------------
+
+
+def _task_of(given: Task | str, task: Task) -> tuple[str, Any, str]:
+    """The registered name by which the task was requested, or one of the package that its class is of,
+    or none; what it is made of again, or None; and the reason why it cannot be, empty if it can."""
+    if isinstance(given, str):
+        name = given
+    else:
+        module = type(task).__module__
+        factories = {} if module.startswith(_OWN) else tasks.loaded()
+        names = [name for name, make in factories.items() if _module_of(make) == module]
+        name = names[0] if names else ""
+    try:
+        found = as_plain(task, _package_of(name))
+        if isinstance(found, dict) and "class" in found:
+            return name, found, ""
+        raise NotPlainError(f"{type(task).__name__} is not a dataclass")
+    except NotPlainError as error:
+        reason = f"its task is an object that the file does not hold: {error}"
+        return name, None, "" if isinstance(given, str) else reason
+
+
+def _module_of(thing: Any) -> str:
+    return str(getattr(thing, "__module__", ""))
+
+
+def _package_of(name: str) -> str:
+    """The module of a registered task, whose classes may be made as well as mobman's."""
+    with contextlib.suppress(UnknownNameError):
+        return _module_of(tasks.get(name)) if name else ""
+    return ""
+
+
+def task_of(run: RunSpec, robot: MobileManipulator, q0: Array) -> Task:
+    """The task of a run.
+
+    Raises:
+        NotPlainError: If its class may not be made, is not there, or refuses its fields.
+        MobmanError: If there is no such task here.
+    """
+    if run.task_object is None:
+        return make_task(run.task_name, robot, q0, **run.task_given)
+    task: Task = from_plain(run.task_object, _package_of(run.task_name))
+    return task
+
+
+# Dataclasses as plain values that JSON holds, and back: to the last bit, or not at all -----------
+
+
+class NotPlainError(Exception):
+    """A value that a file cannot hold, or cannot be made of again."""
+
+
+def as_plain(value: Any, package: str) -> Any:
+    """A value for JSON.
+
+    Args:
+        value: Numbers, text, lists, tuples, arrays, dictionaries and dataclasses of such.
+        package: A module whose classes may be made again, apart from those of mobman's tasks.
+
+    Raises:
+        NotPlainError: If it has something else in it; says what.
+    """
+    plain = _plain(value, package)
+    # JSON itself may change it: keys that are numbers become text
+    if _plain(from_plain(json.loads(json.dumps(plain)), package), package) != plain:
+        raise NotPlainError(f"{type(value).__name__} does not come back from a file as it was")
+    return plain
+
+
+def _plain(value: Any, package: str) -> Any:
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    if isinstance(value, np.generic) and value.dtype.kind in "biuf":
+        return value.item()
+    if kind in (list, tuple):
+        items = [_plain(item, package) for item in value]
+        return items if kind is list else {"tuple": items}
+    if kind is dict:
+        return {"dict": {key: _plain(item, package) for key, item in value.items()}}
+    if kind is np.ndarray and value.dtype.kind in "bif":
+        return {"array": value.tolist(), "dtype": value.dtype.str}
+    if not dataclasses.is_dataclass(kind):
+        raise NotPlainError(f"{kind.__name__} is nothing that a file can hold")
+    if not _may_be_made(kind.__module__, package) or "<" in kind.__qualname__:
+        raise NotPlainError(f"{kind.__name__} is no class that has a name in mobman")
+    names = [field.name for field in dataclasses.fields(value) if field.init]
+    content = {name: _plain(getattr(value, name), package) for name in names}
+    return {"class": f"{kind.__module__}:{kind.__qualname__}", "fields": content}
+
+
+def _may_be_made(module: str, package: str) -> bool:
+    return module.startswith(_OWN) or module == package != ""
+
+
+def from_plain(plain: Any, package: str) -> Any:
+    """The value that :func:`as_plain` was given.
+
+    Raises:
+        NotPlainError: If a class may not be made, is not there, or refuses its fields.
+    """
+    if isinstance(plain, list):
+        return [from_plain(item, package) for item in plain]
+    if not isinstance(plain, dict):
+        return plain
+    if "tuple" in plain:
+        return tuple(from_plain(plain["tuple"], package))
+    if "dict" in plain:
+        return {key: from_plain(item, package) for key, item in plain["dict"].items()}
+    if "array" in plain:
+        if not _NUMBERS.fullmatch(str(plain["dtype"])):
+            raise NotPlainError(f"{plain['dtype']!r} is no type of numbers")
+        return np.array(plain["array"], dtype=plain["dtype"])
+    name = str(plain.get("class"))
+    name = _FORMER.get(name, name)
+    module, _, path = name.partition(":")
+    # the name is from a file: nothing is imported for it that the registries do not know
+    if not _may_be_made(module, package):
+        raise NotPlainError(f"{name!r} is no class of mobman or of a registered package")
+    try:
+        kind: Any = sys.modules.get(module) or importlib.import_module(module)
+        for part in path.split("."):
+            kind = getattr(kind, part)
+    except (ImportError, AttributeError) as error:
+        raise NotPlainError(f"there is no class {name!r} here: {error}") from error
+    if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
+        raise NotPlainError(f"{name!r} is not a dataclass")
+    if kind.__module__ != module:
+        raise NotPlainError(f"{name!r} is a class of {kind.__module__}")
+    fields = {field: from_plain(item, package) for field, item in plain["fields"].items()}
+    try:
+        return kind(**fields)
+    except Exception as error:  # another package's class may raise anything
+        raise NotPlainError(f"{kind.__name__} refuses its own fields: {error}") from error
