@@ -18,6 +18,20 @@ def temporary_beside(path: Path) -> Path:
     )
 
 
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file: whole, or not at all.
+
+    Raises:
+        OSError: If it cannot be written; nothing half-written is left.
+    """
+    temporary = temporary_beside(path)
+    try:
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
 def is_abandoned(temporary: Path) -> bool:
     """True if the process that wrote a temporary file was on this machine and has ended."""
     parts = temporary.name.rsplit(".", 3)

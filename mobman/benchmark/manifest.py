@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError, SpecError
-from mobman.files import temporary_beside
+from mobman.files import write_whole
 from mobman.input_file import read_within
 from mobman.simulation.run_spec import RunSpec
 
@@ -25,13 +24,13 @@ _ADVICE = (
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a suite asked for, and how long it took."""
+    """Content of ``suite.json``: the suite, its runs, and the time that they took."""
 
     suite: Suite
     runs: tuple[RunSpec, ...]
     """In the suite's order."""
     seconds: float | None = None
-    """How long its runs took altogether (s); None if none was done."""
+    """Time of all its runs together (s); None if none was done."""
     workers: int | None = None
     """With how many workers at last."""
 
@@ -49,13 +48,7 @@ class Manifest:
             "runs": [shared.fold(run.as_dict()) for run in self.runs],
             "shared": shared.parts,
         }
-        path = folder / NAME
-        temporary = temporary_beside(path)
-        try:
-            temporary.write_text(json.dumps(content), encoding="utf-8")
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        write_whole(folder / NAME, json.dumps(content).encode())
 
 
 def read_manifest(folder: Path) -> Manifest:

@@ -14,7 +14,7 @@ from mobman.simulation.run_spec import RunSpec
 
 @dataclass(frozen=True)
 class Merged:
-    """What joining folders gave."""
+    """Result of joining folders."""
 
     asked: int
     """Runs that the folders ask for together."""

@@ -72,7 +72,7 @@ def run_suite(
             when it breaks.
         workers: Processes; one for each core by default.
         dask: Address of the scheduler of a Dask cluster that does the runs instead.
-        fresh: Run everything anew.
+        fresh: Re-run everything, ignoring existing results.
         part: ``(k, n)``: only every n-th run, from the k-th on, the first being 1; so that n machines
             share a suite.
         time_limit: Wall time that a run may take (s); the suite's by default.

@@ -12,7 +12,7 @@ from mobman.benchmark.index import write_index
 from mobman.benchmark.manifest import NAME, Manifest, read_manifest
 from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError, RecordError, SpecError
-from mobman.files import is_abandoned, temporary_beside
+from mobman.files import is_abandoned, write_whole
 from mobman.input_file import check_within, read_within
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
 from mobman.simulation.run_spec import RunSpec
@@ -140,7 +140,7 @@ class Store:
         return found
 
     def done(self, run: RunSpec) -> bool:
-        """Whether a run's record is there, can be read, and is of this run."""
+        """True if a run's record is there, can be read, and is of this run."""
         try:
             self.summary(run)
         except RecordError:
@@ -209,7 +209,7 @@ class Store:
         return kept[1]
 
     def forget(self, runs: Iterable[RunSpec]) -> None:
-        """Remove records, so that they are run anew; with the last, the time that they took.
+        """Remove records, so that they are run again; with the last, the time that they took.
 
         Raises:
             MobmanError: If they cannot be removed.
@@ -224,7 +224,7 @@ class Store:
             raise self._cannot_write(error) from error
 
     def rebuild_index(self) -> Path:
-        """Write ``index.h5`` anew: a link to every record, and a table of specs and metrics.
+        """Rewrite ``index.h5``: a link to every record, and a table of specs and metrics.
 
         Raises:
             MobmanError: If it cannot be written.
@@ -241,14 +241,10 @@ class Store:
         return self.folder / "failures" / f"{run_id}.json"
 
     def _write(self, path: Path, content: bytes) -> None:
-        temporary = temporary_beside(path)
         try:
-            temporary.write_bytes(content)
-            os.replace(temporary, path)
+            write_whole(path, content)
         except OSError as error:
             raise self._cannot_write(error) from error
-        finally:
-            temporary.unlink(missing_ok=True)
 
     def _cannot_write(self, error: OSError) -> MobmanError:
         return MobmanError(f"cannot write to {self.folder}: {error.strerror or error}")

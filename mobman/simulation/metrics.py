@@ -135,22 +135,21 @@ def compute_metrics(run: Run) -> dict[str, float]:
 
 # Tracking ----------------------------------------------------------------------------------------
 
-_tracking = partial(metric, section="tracking")
+_tracking = partial(metric, section="tracking", early=math.inf)
 
 
-def _settling_time(run: Run, threshold: float) -> float:
+def settling_time(run: Run, threshold: float) -> float:
+    """First time from which |e^e| stays below a threshold (m) to the end (s); inf if there is none."""
     above = np.flatnonzero(~(run.task_distance <= threshold))
-    if not run.completed or (len(above) and above[-1] == len(run.t) - 1):
+    if len(above) and above[-1] == len(run.t) - 1:
         return math.inf
     return float(run.t[above[-1] + 1]) if len(above) else 0.0
 
 
 def _settling_time_to(threshold: str) -> None:
-    _tracking(
-        f"settling_time_{threshold}",
-        "s",
-        f"first time from which |e^e| stays below {threshold} m to the end",
-    )(lambda run: _settling_time(run, float(threshold)))
+    text = f"first time from which |e^e| stays below {threshold} m to the end"
+    metric = _tracking(f"settling_time_{threshold}", "s", text)
+    metric(lambda run: settling_time(run, float(threshold)))
 
 
 for _threshold in ("1e-2", "1e-4", "1e-6"):
@@ -158,63 +157,57 @@ for _threshold in ("1e-2", "1e-4", "1e-6"):
 
 
 @_tracking(
-    "success", "1", "1 if the run was completed and |e^e| settled below 1e-4 m, else 0", "higher"
+    "success",
+    "1",
+    "1 if the run was completed and |e^e| settled below 1e-4 m, else 0",
+    "higher",
+    early=0.0,
 )
 def success(run: Run) -> float:
-    return float(math.isfinite(_settling_time(run, 1e-4)))
+    return float(math.isfinite(settling_time(run, 1e-4)))
 
 
-@_tracking(
-    "task_error_max",
-    "m",
-    "largest |e^e| in the steady part; inf if the run ended early",
-    early=math.inf,
-)
+@_tracking("task_error_max", "m", "largest |e^e| in the steady part; inf if the run ended early")
 def task_error_max(run: Run) -> float:
     return float(run.task_distance[run.steady].max())
 
 
 @_tracking(
-    "task_error_rms",
-    "m",
-    "root mean square of |e^e| in the steady part; inf if it ended early",
-    early=math.inf,
+    "task_error_rms", "m", "root mean square of |e^e| in the steady part; inf if it ended early"
 )
 def task_error_rms(run: Run) -> float:
     return float(np.sqrt(np.mean(run.task_distance[run.steady] ** 2)))
 
 
-@_tracking("task_error_final", "m", "|e^e| at the end; inf if the run ended early", early=math.inf)
+@_tracking("task_error_final", "m", "|e^e| at the end; inf if the run ended early")
 def task_error_final(run: Run) -> float:
     return float(run.task_distance[-1])
 
 
 # Redundancy --------------------------------------------------------------------------------------
 
-_redundancy = partial(metric, section="redundancy")
+_redundancy = partial(metric, section="redundancy", early=math.inf)
 
 
 @_redundancy(
-    "auxiliary_error_max",
-    "1",
-    "largest |e^a| in the steady part; inf if the run ended early",
-    early=math.inf,
+    "auxiliary_error_max", "1", "largest |e^a| in the steady part; inf if the run ended early"
 )
 def auxiliary_error_max(run: Run) -> float:
     return float(np.linalg.norm(run.auxiliary_error[run.steady], axis=1).max())
 
 
-@_redundancy(
-    "criterion_final",
-    "1",
-    "criterion F(q) at the end; inf if the run ended early",
-    early=math.inf,
-)
+@_redundancy("criterion_final", "1", "criterion F(q) at the end; inf if the run ended early")
 def criterion_final(run: Run) -> float:
     return run.criterion.value(run.q[-1])
 
 
-@_redundancy("lambda_min", "1", "least lambda_min(J J^T), extended Jacobian, every 10 ms", "higher")
+@_redundancy(
+    "lambda_min",
+    "1",
+    "least lambda_min(J J^T), extended Jacobian, every 10 ms",
+    "higher",
+    early=None,
+)
 def lambda_min(run: Run) -> float:
     """0 where the run met a kinematic singularity."""
     every = max(1, round(_PERIOD / run.dt))
@@ -241,7 +234,7 @@ def lambda_min(run: Run) -> float:
     early=math.nan,
 )
 def repeatability(run: Run) -> float:
-    """Between ticks the posture is interpolated, since a period is no whole number of them."""
+    """Between ticks the posture is interpolated, since a period is not a whole number of them."""
     period = getattr(run.task, "period", None)
     if period is None or run.duration < period:
         return math.nan

@@ -68,7 +68,7 @@ class Record:
     scenario: str
     seed: int
     spec: dict[str, Any]
-    """The request for the run, see :mod:`mobman.simulation.run_spec`."""
+    """Description of the run, see :class:`mobman.simulation.run_spec.RunSpec`."""
     settings: dict[str, Any]
     """The controller's gains in force, with the numbers that "auto" became."""
     versions: dict[str, str]
@@ -143,11 +143,10 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Raises:
         RecordError: If there is no such file, or it is not a record that this version reads.
     """
-    content = _read("read_whole", Path(path))
-    head = content.pop("attributes")
+    content = _read(Path(path), whole=True)
     for name in DICTIONARIES:
-        head[name] = json.loads(head.pop(f"{name}_json"))
-    return Record(**head, **content.pop("fields"), **content)
+        content[name] = json.loads(content.pop(f"{name}_json"))
+    return Record(**content.pop("fields"), **content)
 
 
 @dataclass(frozen=True)
@@ -176,14 +175,14 @@ def read_summary(path: Path) -> RecordSummary:
     Raises:
         RecordError: As for :func:`mobman.load_record`.
     """
-    head = _read("read_head", path)
+    head = _read(path, whole=False)
     shared = {name: _shared(head.pop(f"{name}_json")) for name in DICTIONARIES}
     kept = {field.name for field in fields(RecordSummary)}
     return RecordSummary(**{k: v for k, v in {**head, **shared}.items() if k in kept})
 
 
-def _read(function: str, path: Path) -> Any:
-    """The answer of a function of :mod:`mobman.simulation.record_reader`, which may crash or hang."""
+def _read(path: Path, whole: bool) -> dict[str, Any]:
+    """The answer of :func:`mobman.simulation.record_reader.read`, which may crash or hang."""
     try:
         if not path.is_file():
             what = "it is a folder" if path.is_dir() else "it is no file"
@@ -196,13 +195,15 @@ def _read(function: str, path: Path) -> Any:
             )
             raise RecordError(f"{path} is not a readable HDF5 file: {reason}; {_ALLOWED}")
         megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
-        return helper.call(
-            f"mobman.simulation.record_reader:{function}",
+        answer: dict[str, Any] = helper.call(
+            "mobman.simulation.record_reader:read",
             os.path.abspath(path),
             str(path),
+            whole,
             seconds=seconds,
             megabytes=_MEGABYTES + _MEGABYTES_PER_MB * megabytes,
         )
+        return answer
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         why = getattr(error, "strerror", None) or error
         raise RecordError(f"cannot read the record {path}: {why}") from error

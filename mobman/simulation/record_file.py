@@ -9,7 +9,6 @@ import errno
 import itertools
 import json
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ import h5py
 import numpy as np
 
 from mobman.errors import RecordError, UsageError
-from mobman.files import temporary_beside
+from mobman.files import write_whole
 
 SCHEMA_VERSION = 2
 
@@ -113,14 +112,9 @@ def write_file(path: Path, content: bytes) -> None:
     """
     if not path.name:
         raise UsageError(f"{str(path)!r} is not the name of a file")
-    temporary = temporary_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            temporary.write_bytes(content)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        write_whole(path, content)
     except OSError as error:
         reason = error.strerror or str(error)
         if error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):

@@ -37,40 +37,24 @@ _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an externa
 _FINITE, _FINITE_IF_OK = {"q", "z"}, {"tip/position", "tip/desired", "error/task"}
 
 
-def read_whole(path: str, shown: str) -> dict[str, Any]:
-    """The content of a record: ``attributes`` as of :func:`read_head`, and ``t``, ``fields``,
-    ``signals``, ``joint_names``, ``velocity_names``, ``urdf``.
+def read(path: str, shown: str, whole: bool) -> dict[str, Any]:
+    """The content of a record: texts by name, dictionaries as JSON text, ``seed``, ``decimation``,
+    ``metrics``; and if ``whole``, in addition ``t``, ``fields``, ``signals``, ``joint_names``,
+    ``velocity_names``, ``urdf``.
 
     Args:
         path: The file, absolute.
-        shown: What to call it in messages.
+        shown: Its name in messages.
+        whole: False to leave its samples.
 
     Raises:
         RecordError: If it is not a record of this schema, not whole, or not what a record may be.
     """
-    return _read(path, shown, whole=True)
-
-
-def read_head(path: str, shown: str) -> dict[str, Any]:
-    """The content of a record without its samples: texts by name, dictionaries as JSON text, ``seed``,
-    ``decimation``, ``metrics``.
-
-    Args:
-        path: The file, absolute.
-        shown: What to call it in messages.
-
-    Raises:
-        RecordError: As :func:`read_whole`.
-    """
-    return _read(path, shown, whole=False)
-
-
-def _read(path: str, shown: str, *, whole: bool) -> dict[str, Any]:
     try:
         with h5py.File(path, "r") as file:
             reader = _Reader(file, Path(path).stat().st_size)
-            _check_version(reader, shown)
-            return reader.whole() if whole else reader.head()
+            reader.check_version(shown)
+            return reader.head() | (reader.samples() if whole else {})
     except OSError as error:
         text = " ".join(str(error).split())
         raise RecordError(
@@ -79,29 +63,7 @@ def _read(path: str, shown: str, *, whole: bool) -> dict[str, Any]:
         ) from error
     except (KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
-        reason = " ".join(text.split())
-        raise RecordError(f"{shown} is not a whole record: {reason}") from error
-
-
-def _check_version(reader: _Reader, shown: str) -> None:
-    version = reader.version()
-    if version is None:
-        raise RecordError(
-            f"{shown} is an HDF5 file, but not a mobman record (no schema_version); allowed: a record "
-            f"of schema version {SCHEMA_VERSION}"
-        )
-    if np.ndim(version) != 0 or version != SCHEMA_VERSION:
-        raise RecordError(
-            f"{shown} has schema version {version}; this mobman reads version {SCHEMA_VERSION}: "
-            + _advice(version)
-        )
-
-
-def _advice(version: Any) -> str:
-    if np.ndim(version) == 0 and isinstance(version, (int, np.integer)) and version > 0:
-        older = version < SCHEMA_VERSION
-        return "run it again" if older else "a later mobman wrote it; install that"
-    return "mobman did not write it"
+        raise RecordError(f"{shown} is not a whole record: {' '.join(text.split())}") from error
 
 
 class _Reader:
@@ -117,15 +79,30 @@ class _Reader:
         self._left = most_bytes(size)
         self._bound = self._left
 
-    def version(self) -> Any:
-        """The attribute ``schema_version``, None if there is none."""
+    def check_version(self, shown: str) -> None:
+        """
+        Raises:
+            RecordError: If the file is of another schema.
+        """
         if "schema_version" not in self._attributes:
-            return None
-        found = self._attributes.get_id("schema_version")
-        return self._attributes["schema_version"] if math.prod(found.shape) <= 8 else "?"
+            raise RecordError(
+                f"{shown} is an HDF5 file, but not a mobman record (no schema_version); allowed: a "
+                f"record of schema version {SCHEMA_VERSION}"
+            )
+        one = self._attributes.get_id("schema_version").shape == ()
+        version = self._attributes["schema_version"] if one else "of several numbers"
+        if version == SCHEMA_VERSION and one:
+            return
+        advice = "mobman did not write it"
+        if isinstance(version, (int, np.integer)) and version > 0:
+            older = version < SCHEMA_VERSION
+            advice = "run it again" if older else "a later mobman wrote it; install that"
+        raise RecordError(
+            f"{shown} has schema version {version}; this mobman reads version {SCHEMA_VERSION}: {advice}"
+        )
 
     def head(self) -> dict[str, Any]:
-        """See :func:`read_head`."""
+        """Everything but the samples."""
         found: dict[str, Any] = {name: self._text(name) for name in TEXTS}
         found |= {f"{name}_json": self._json(f"{name}_json") for name in DICTIONARIES}
         for name in ("versions", "machine"):
@@ -141,21 +118,16 @@ class _Reader:
         found["metrics"] = self._metrics()
         return found
 
-    def whole(self) -> dict[str, Any]:
-        """See :func:`read_whole`."""
-        head = self.head()
-        ok = head["status"] == "ok"
+    def samples(self) -> dict[str, Any]:
+        """The samples, their names, and the URDFs."""
+        ok = self._text("status") == "ok"
         joints, velocities = self._names("joint"), self._names("velocity")
         t = self._samples("t", (None,))
         if not len(t) or not np.all(np.isfinite(t)):
             raise ValueError("t has entries that are not finite" if len(t) else "t has no times")
         rows = len(t)
-        columns = {
-            "q": (len(joints),),
-            "z": (len(velocities),),
-            "torque": (len(velocities),),
-            "compute_time": (),
-        }
+        nq, nz = (len(joints),), (len(velocities),)
+        columns: dict[str, tuple[int, ...]] = {"q": nq, "z": nz, "torque": nz, "compute_time": ()}
         fields: dict[str, Array] = {}
         for place, (field, *_) in FIELDS.items():
             found = self._samples(place, (rows, *columns.get(place, (None,))))
@@ -169,7 +141,6 @@ class _Reader:
                 f"{fields['tip_position'].shape}"
             )
         return {
-            "attributes": head,
             "t": t,
             "fields": fields,
             "signals": {name: self._samples(name, (rows, ...)) for name in self._signals()},
