@@ -183,7 +183,7 @@ class _Expansion:
         for number, group in enumerate(suite.groups):
             where = f"groups.{number}"
             labels = self._chosen("label", where, group.controllers or ["*"], self._controllers)
-            robots = self._robots(where, group.robots)
+            robots = self._chosen_robots(where, group.robots)
             aims = self._chosen("task", where, group.tasks, self._tasks, tasks.names())
             scenarios = self._chosen_scenarios(where, group.scenarios)
             gains: dict[str, dict[str, Any]] = {}
@@ -256,7 +256,7 @@ class _Expansion:
                 found |= dict.fromkeys(meant)
         return list(found)
 
-    def _robots(self, where: str, patterns: Sequence[str]) -> list[str]:
+    def _chosen_robots(self, where: str, patterns: Sequence[str]) -> list[str]:
         """Robots that patterns mean; one may be a description's file."""
         found: dict[str, None] = {}
         attempt = self._problems.attempt
@@ -302,8 +302,8 @@ class _Expansion:
     def resolve(self, planned: Sequence[_Plan]) -> None:
         """Make what the names in runs stand for, and note what cannot be made."""
         attempt = self._problems.attempt
-        self._fingerprints = {
-            name: attempt(f"robot {name!r}", lambda name: fingerprint(find_spec(name)), name)
+        self._robots = {
+            name: attempt(f"robot {name!r}", self._robot, name)
             for name in dict.fromkeys(plan.robot for plan in planned)
         }
         self._resolved_scenarios = {
@@ -317,9 +317,14 @@ class _Expansion:
         self._parameters = {
             (robot, task): attempt(f"task {task!r} for robot {robot!r}", self._known, robot, task)
             for robot, task in dict.fromkeys((plan.robot, plan.task) for plan in planned)
-            if self._fingerprints[robot] is not None
+            if self._robots[robot] is not None
         }
         self._codes: dict[tuple[str, ...], str] = {}
+
+    def _robot(self, name: str) -> tuple[str, str]:
+        """A robot's fingerprint, and the type of its platform."""
+        spec = find_spec(name)
+        return fingerprint(spec), spec.platform.type
 
     def _gains_and_settings(self, plan: _Plan) -> tuple[dict[str, Any], dict[str, Any]]:
         """Gains as given, and all of them."""
@@ -338,14 +343,15 @@ class _Expansion:
         law = self._law_of(plan.label)
         task, given = self._task_of(plan.task)
         scenario, fields = cast(Any, self._resolved_scenarios[plan.scenario])
-        if (key := (law, task, plan.robot, plan.scenario)) not in self._codes:
-            platform = platforms.get(find_spec(plan.robot).platform.type)
+        robot_sha256, kind = cast(Any, self._robots[plan.robot])
+        if (key := (law, task, kind, plan.scenario)) not in self._codes:
+            platform = platforms.get(kind)
             things = [controllers.get(law), tasks.get(task), platform, *scenario.types()]
             self._codes[key] = foreign_code_sha256(things)
         return RunSpec(
             label=plan.label,
             robot=plan.robot,
-            robot_sha256=cast(str, self._fingerprints[plan.robot]),
+            robot_sha256=robot_sha256,
             law=law,
             gains=gains,
             settings=settings,

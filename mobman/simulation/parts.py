@@ -87,11 +87,11 @@ def describe_run(
         if _is_another(given, robot):
             others["plant_robot"] = given.spec.model_dump(mode="json", by_alias=True)
     return RunSpec(
-        label=_name_of(law),
+        label=str(getattr(law, "name", type(law).__name__)),
         robot=robot.name,
         law=law_name,
         gains=gains,
-        task=_name_of(aim),
+        task=str(getattr(aim, "name", type(aim).__name__)),
         task_name=task_name,
         task_parameters=task_parameters(aim),
         task_object=task_object,
@@ -104,10 +104,6 @@ def describe_run(
         **others,
         **numbers,
     )
-
-
-def _name_of(thing: object) -> str:
-    return str(getattr(thing, "name", type(thing).__name__))
 
 
 @contextlib.contextmanager

@@ -18,15 +18,8 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.provenance import COMPUTING
 from mobman.robots.catalogue import find_spec, list_robots
 from mobman.robots.urdf.read import urdf_sources
+from mobman.simulation import parts
 from mobman.simulation.metrics import list_metrics
-from mobman.simulation.parts import (
-    plant_of,
-    refused,
-    require_same,
-    robot_of,
-    scenario_of,
-    task_of,
-)
 from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record, load_record
 from mobman.simulation.record_file import FIELDS, as_in_file
@@ -224,25 +217,25 @@ def _ending(record: Record, run: RunSpec, progress: Progress | None) -> Progress
 
 
 def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | None) -> Record:
-    parts: tuple[str, ...] = ()
+    has: tuple[str, ...] = ()
     if own.controller is not None:
-        parts += ("its controller", "the gains of its controller")
+        has += ("its controller", "the gains of its controller")
     if own.make_task is not None:
-        parts += ("its task",)
-    if reasons := [reason for reason in run.not_repeatable if not reason.startswith(parts)]:
+        has += ("its task",)
+    if reasons := [reason for reason in run.not_repeatable if not reason.startswith(has)]:
         raise RecordError("; ".join(reasons))
-    scenario = scenario_of(run.scenario)
-    with refused("its controller cannot be made"):
+    scenario = parts.scenario_of(run.scenario)
+    with parts.refused("its controller cannot be made"):
         given = own.controller
         controller = make_controller(run.law, **run.gains) if given is None else given
-    robot = robot_of(run.description, urdf) if own.robot is None else own.robot
-    require_same(robot, run, "robot")
+    robot = parts.robot_of(run.description, urdf) if own.robot is None else own.robot
+    parts.require_same(robot, run, "robot")
     q0 = robot.checked_configuration(np.array(run.q0))
-    with refused("its task cannot be made"):
-        task = own.make_task(robot, q0) if own.make_task else task_of(run, robot, q0)
-    plant = plant_of(run, urdf, robot)
+    with parts.refused("its task cannot be made"):
+        task = own.make_task(robot, q0) if own.make_task else parts.task_of(run, robot, q0)
+    plant = parts.plant_of(run, urdf, robot)
     setting = Setting(robot, run.dt, np.random.default_rng(run.seed))
-    require_same(true_plant(setting, plant, scenario), run, "plant")
+    parts.require_same(true_plant(setting, plant, scenario), run, "plant")
     return simulate(
         robot,
         controller,

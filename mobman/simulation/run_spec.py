@@ -7,7 +7,7 @@ import inspect
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import fields
 from functools import cached_property
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -146,7 +146,7 @@ class RunSpec:
 
     def as_dict(self) -> dict[str, Any]:
         """The fields; those of a run that was done if they have a value."""
-        found = asdict(self)
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
         first = list(found).index("q0")
         return {key: value for i, (key, value) in enumerate(found.items()) if i < first or value}
 
@@ -242,11 +242,13 @@ def foreign_code_sha256(things: Iterable[Any]) -> str:
     """
     digest, foreign = hashlib.sha256(), False
     for thing in things:
+        if str(getattr(thing, "__module__", "")).startswith("mobman."):
+            continue
         try:
-            path = Path(inspect.getfile(thing)).resolve()
+            path = Path(inspect.getfile(thing))
         except (TypeError, OSError):
             continue
-        if not path.is_relative_to(Path(__file__).parents[1]) and path.is_file():
+        if path.is_file():
             digest.update(path.read_bytes())
             foreign = True
     return digest.hexdigest()[:16] if foreign else ""
