@@ -32,7 +32,6 @@ from mobman.kernels.ahead import compile_ahead, compiled_ahead
 from mobman.robots.catalogue import find_spec
 from mobman.simulation.run_spec import RunSpec
 from mobman.tasks.task import tasks
-from mobman.version import __version__
 
 __all__ = [
     "Again",
@@ -188,7 +187,6 @@ def jobs_of(runs: Iterable[RunSpec], time_limit: float, dumps: Callable[[Any], b
             law=parcel("controller", run.law, controllers.get),
             task=parcel("task", run.task_name, tasks.get),
             time_limit=time_limit,
-            version=__version__,
             origin=this_process(),
         )
         for run in runs

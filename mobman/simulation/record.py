@@ -176,9 +176,10 @@ def read_summary(path: Path) -> RecordSummary:
         RecordError: As for :func:`mobman.load_record`.
     """
     head = _read(path, whole=False)
-    shared = {name: _shared(head.pop(f"{name}_json")) for name in DICTIONARIES}
     kept = {field.name for field in fields(RecordSummary)}
-    return RecordSummary(**{k: v for k, v in {**head, **shared}.items() if k in kept})
+    for name in kept & set(DICTIONARIES):
+        head[name] = _shared(head[f"{name}_json"])
+    return RecordSummary(**{name: head[name] for name in kept})
 
 
 def _read(path: Path, whole: bool) -> dict[str, Any]:

@@ -28,8 +28,6 @@ class Job:
     task: Parcel
     time_limit: float
     """Wall time (s)."""
-    version: str
-    """mobman's, where the suite was started."""
     origin: tuple[str, int]
     """:func:`this_process` there."""
     with_file: bool = True

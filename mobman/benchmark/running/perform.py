@@ -36,9 +36,9 @@ def perform(job: Job) -> Result:
 
 
 def _guarded(job: Job) -> Result:
-    if job.version != __version__:
+    if job.run.version != __version__:
         return Result.failure(
-            f"the worker has mobman {__version__}, the suite was started with {job.version}"
+            f"the worker has mobman {__version__}, the suite was started with {job.run.version}"
         )
     elsewhere = job.origin != this_process()
     try:

@@ -93,7 +93,7 @@ def test_a_job_is_small_and_opens_once(jobs):
 
 
 def test_another_version_is_refused(jobs):
-    result = perform(replace(jobs[0], version="0.0"))
+    result = perform(replace(jobs[0], run=replace(jobs[0].run, version="0.0")))
     assert result.status == "failed"
     assert "the suite was started with 0.0" in result.message
 
