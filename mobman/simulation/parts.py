@@ -62,14 +62,8 @@ def describe_run(
 ) -> RunSpec:
     """The description of a run.
 
-    Args:
-        robot: The nominal one.
-        controller: As given to :func:`mobman.simulate`, and the object that runs.
-        task: The same.
-        plant: As given, and the true robot that it became.
-        scenario: The scenario.
-        q0: Start, shape (nq,).
-        **numbers: ``duration``, ``dt`` and ``seed``.
+    Controller, task and plant are as given to :func:`mobman.simulate`, each with what it became;
+    ``numbers`` are ``duration``, ``dt`` and ``seed``.
     """
     (law_given, law), (task_given, aim), (given, true) = controller, task, plant
     law_name, gains, no_law = _law_of(law_given, law)
