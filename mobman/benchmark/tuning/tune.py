@@ -38,7 +38,7 @@ from mobman.benchmark.tuning.tuning_set import (
 )
 from mobman.controllers.protocol import gains_by_field
 from mobman.errors import MobmanError
-from mobman.files import temporary_beside
+from mobman.files import write_whole
 from mobman.provenance import machine, versions
 from mobman.simulation.run_spec import RunSpec
 from mobman.toml_model import validate
@@ -324,10 +324,7 @@ def _toml(suite: Suite) -> bytes:
 
 
 def _write(path: Path, content: bytes) -> None:
-    temporary = temporary_beside(path)
     try:
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
+        write_whole(path, content)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise MobmanError(f"cannot write {path}: {error.strerror}") from error
