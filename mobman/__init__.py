@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any
 from mobman.version import __version__
 
 if TYPE_CHECKING:
+    from mobman.benchmark.results import load_results
+    from mobman.benchmark.runner import run_suite
+    from mobman.benchmark.suite import Suite, list_suites, load_suite
     from mobman.controllers.protocol import Controller, list_controllers, make_controller
     from mobman.errors import MobmanError
     from mobman.model.build import load_robot
@@ -32,17 +35,22 @@ _PUBLIC = {
     "MobmanError": "mobman.errors",
     "Record": "mobman.simulation.record",
     "Scenario": "mobman.simulation.scenario",
+    "Suite": "mobman.benchmark.suite",
     "Task": "mobman.tasks.task",
     "list_controllers": "mobman.controllers.protocol",
     "list_robots": "mobman.robots.catalogue",
     "list_scenarios": "mobman.simulation.scenario",
+    "list_suites": "mobman.benchmark.suite",
     "list_tasks": "mobman.tasks.task",
     "load_record": "mobman.simulation.record",
+    "load_results": "mobman.benchmark.results",
     "load_robot": "mobman.model.build",
     "load_scenario": "mobman.simulation.scenario",
+    "load_suite": "mobman.benchmark.suite",
     "make_controller": "mobman.controllers.protocol",
     "make_task": "mobman.tasks.task",
     "register_robot": "mobman.robots.catalogue",
+    "run_suite": "mobman.benchmark.runner",
     "simulate": "mobman.simulation.simulate",
     "view": "mobman.viewer.view",
 }
@@ -53,18 +61,23 @@ __all__ = [
     "MobmanError",
     "Record",
     "Scenario",
+    "Suite",
     "Task",
     "__version__",
     "list_controllers",
     "list_robots",
     "list_scenarios",
+    "list_suites",
     "list_tasks",
     "load_record",
+    "load_results",
     "load_robot",
     "load_scenario",
+    "load_suite",
     "make_controller",
     "make_task",
     "register_robot",
+    "run_suite",
     "simulate",
     "view",
 ]

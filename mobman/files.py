@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import uuid
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,20 +17,6 @@ def temporary_beside(path: Path) -> Path:
     return path.with_name(
         f".{path.name}.{socket.gethostname()}.{os.getpid()}.{uuid.uuid4().hex}.tmp"
     )
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file: whole, or not at all.
-
-    Raises:
-        OSError: If it cannot be written; nothing half-written is left.
-    """
-    temporary = temporary_beside(path)
-    try:
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def is_abandoned(temporary: Path) -> bool:
@@ -86,3 +73,39 @@ def _linked(temporary: Path, path: Path) -> bool:
     except OSError:
         return False
     return True
+
+
+def write_whole(path: Path, content: bytes, check: Callable[[Path], None] | None = None) -> None:
+    """Write a file whole or not at all, also where the machine loses its power meanwhile.
+
+    Args:
+        path: The file; its folder exists.
+        content: Its content.
+        check: Is called with the written file before it gets its name, and may raise.
+
+    Raises:
+        OSError: If it cannot be written; one that is there is left as it was.
+    """
+    temporary = temporary_beside(path)
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        if check is not None:
+            check(temporary)
+        os.replace(temporary, path)
+        sync_folder(path.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable, where the system can."""
+    if os.name != "posix":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -184,7 +184,7 @@ def _limited(seconds: float, megabytes: float) -> Any:
         yield
         return
     before = resource.getrlimit(resource.RLIMIT_AS)
-    most = _memory_in_use() + int(megabytes * 1e6)
+    most = memory_in_use() + int(megabytes * 1e6)
     if before[1] != resource.RLIM_INFINITY:
         most = min(most, before[1])
     signal.setitimer(signal.ITIMER_PROF, seconds)
@@ -197,7 +197,7 @@ def _limited(seconds: float, megabytes: float) -> Any:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
-def _memory_in_use() -> int:
+def memory_in_use() -> int:
     """Address space of this process (bytes); a generous guess where the system does not say."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])

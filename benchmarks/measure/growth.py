@@ -14,7 +14,8 @@ from peers.bare_pinocchio import make_bare_controller
 import mobman as mm
 from measure.cases import PAPER_GAINS, case_of, replay, tape
 from measure.rounds import Measure, Spread, batch, exponent, interleaved, once
-from mobman.benchmark.runner import default_workers, run_suite
+from mobman.benchmark.backends import default_workers
+from mobman.benchmark.runner import run_suite
 from mobman.benchmark.suite import load_suite
 
 JOINTS = (3, 5, 8, 12, 17, 24, 32, 40)

@@ -24,8 +24,8 @@ import psutil
 from threadpoolctl import threadpool_limits
 
 from mobman.benchmark.runner import Ended, run_suite
-from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.suite import Suite, load_suite
+from mobman.benchmark.work import simulated_run
 from mobman.controllers.protocol import make_controller
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator

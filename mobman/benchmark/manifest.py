@@ -1,9 +1,11 @@
-"""``suite.json``: what a folder of results was asked for."""
+"""``suite.json``: the request of a folder of results, and the hashes of its records."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,26 +15,32 @@ from mobman.files import write_whole
 from mobman.input_file import read_within
 from mobman.simulation.run_spec import RunSpec
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+EARLIER = (2,)
+"""Schemas that are read and shown, and not added to."""
 NAME = "suite.json"
 _MEGABYTES = 200.0  # 10,000 runs take some 5 MB
 _ADVICE = (
     "Run the suite again, into another folder, or into this one without that file: runs that are there "
     "and still fit are used"
 )
+_TABLES = ("gains", "settings", "task_given", "task_parameters", "scenario")
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """Content of ``suite.json``: the suite, its runs, and the time that they took."""
+    """The runs of a suite, the time that they took, and the hashes of their records."""
 
     suite: Suite
     runs: tuple[RunSpec, ...]
     """In the suite's order."""
     seconds: float | None = None
-    """Time of all its runs together (s); None if none was done."""
+    """Time that its runs took altogether (s); None if none was done."""
     workers: int | None = None
-    """With how many workers at last."""
+    """Number of workers of the last call."""
+    hashes: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of records' files, by run id; of those that were done when a call ended."""
+    schema_version: int = SCHEMA_VERSION
 
     def write(self, folder: Path) -> None:
         """
@@ -47,6 +55,7 @@ class Manifest:
             "workers": self.workers,
             "runs": [shared.fold(run.as_dict()) for run in self.runs],
             "shared": shared.parts,
+            "records": dict(self.hashes),
         }
         write_whole(folder / NAME, json.dumps(content).encode())
 
@@ -60,8 +69,8 @@ def read_manifest(folder: Path) -> Manifest:
     path = folder / NAME
     try:
         if folder.exists() and not folder.is_dir():
-            raise MobmanError(f"{folder} is no folder of results: it is a file")
-        if not path.exists():
+            raise MobmanError(f"{folder} is not a folder of results: it is a file")
+        if not os.path.lexists(path):
             raise MobmanError(f"{folder} holds no results: there is no {NAME}")
         content = json.loads(read_within(path, folder, "manifest", _MEGABYTES))
     except OSError as error:
@@ -71,7 +80,7 @@ def read_manifest(folder: Path) -> Manifest:
     except (ValueError, RecursionError) as error:
         raise MobmanError(f"cannot read {path}: it is not JSON ({error}). {_ADVICE}") from error
     version = content.get("schema_version") if isinstance(content, dict) else None
-    if version != SCHEMA_VERSION:
+    if version not in (*EARLIER, SCHEMA_VERSION):
         raise MobmanError(
             f"{path} has schema version {version}; this mobman reads version {SCHEMA_VERSION}. {_ADVICE}"
         )
@@ -83,7 +92,8 @@ def read_manifest(folder: Path) -> Manifest:
         for name, value in (("seconds", seconds), ("workers", workers)):
             if value is not None and not (type(value) in (int, float) and 0 <= value < 1e12):
                 raise ValueError(f"{name} is {value!r}")
-        return Manifest(suite, tuple(runs), seconds, workers)
+        hashes = {str(key): str(value) for key, value in content.get("records", {}).items()}
+        return Manifest(suite, tuple(runs), seconds, workers, hashes, version)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, MobmanError) as error:
         raise MobmanError(
             f"{path} is not whole ({type(error).__name__}: {error}). {_ADVICE}"
@@ -95,24 +105,21 @@ class _Shared:
 
     def __init__(self) -> None:
         self.parts: list[Any] = []
-        self._places: dict[str, int] = {}
+        self._indices: dict[str, int] = {}
 
     def fold(self, run: dict[str, Any]) -> dict[str, Any]:
-        """A run with the places of its tables instead of these."""
+        """A run with the indices of its tables instead of these."""
         return {
-            key: self._place(value) if isinstance(value, dict) else value
+            key: self._index(value) if isinstance(value, dict) else value
             for key, value in run.items()
         }
 
-    def _place(self, part: dict[str, Any]) -> int:
+    def _index(self, part: dict[str, Any]) -> int:
         text = json.dumps(part, sort_keys=True, default=str)
-        if text not in self._places:
-            self._places[text] = len(self.parts)
+        if text not in self._indices:
+            self._indices[text] = len(self.parts)
             self.parts.append(json.loads(text))
-        return self._places[text]
-
-
-_TABLES = ("gains", "settings", "task_given", "task_parameters", "scenario")
+        return self._indices[text]
 
 
 def _unfold(run: dict[str, Any], parts: list[Any]) -> dict[str, Any]:

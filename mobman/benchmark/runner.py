@@ -4,78 +4,135 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import Executor
-from typing import Any
-
-from mobman.benchmark.running.given import Given
-from mobman.benchmark.running.job import Job, Result, this_process
-from mobman.benchmark.running.local import Local, default_workers
-from mobman.benchmark.running.loop import results
-from mobman.benchmark.running.outcome import (
-    Again,
-    Ended,
-    Event,
-    Outcome,
-    Running,
-    Started,
-    Summary,
-    Waiting,
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
 )
-from mobman.benchmark.running.parcel import Parcel
-from mobman.benchmark.running.place import Place
-from mobman.benchmark.store import Store
-from mobman.benchmark.suite import Suite
-from mobman.controllers.protocol import controllers
-from mobman.errors import MobmanError, UsageError
-from mobman.kernels.ahead import compile_ahead, compiled_ahead
-from mobman.robots.catalogue import find_spec
-from mobman.simulation.run_spec import RunSpec
-from mobman.tasks.task import tasks
+from dataclasses import dataclass, field
 
-__all__ = [
-    "Again",
-    "Ended",
-    "Event",
-    "Outcome",
-    "Running",
-    "Started",
-    "Summary",
-    "Waiting",
-    "default_workers",
-    "run_suite",
-]
+from mobman.benchmark.backends import Backend, Cluster, Given, Local, default_workers
+from mobman.benchmark.store import Store
+from mobman.benchmark.suite import Suite, load_suite
+from mobman.benchmark.work import Job, Result, failure, jobs_of
+from mobman.errors import MobmanError, UsageError
+from mobman.simulation.run_spec import RunSpec
+
+_TRIES = 2  # of a run whose worker is lost, or that ran out of time or memory
+_LOOK = 0.5  # s, from one look at the workers to the next
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of one run."""
+
+    run: RunSpec
+    status: str
+    """The record's, or ``"failed"`` if there is none."""
+    message: str
+    task_error: float
+    """Its metric task_error_max (m); NaN if there is no record."""
+
+
+@dataclass
+class Summary:
+    """Outcome of a suite."""
+
+    asked: int = 0
+    skipped: int = 0
+    seconds: float = 0.0
+    workers: int = 0
+    """Runs at a time; on a cluster, the most that there were."""
+    outcomes: list[Outcome] = field(default_factory=list)
+    changed: list[tuple[RunSpec, str]] = field(default_factory=list)
+    """Runs of ``skipped`` that mobman's present source files and libraries did not make, and the
+    differences."""
+
+    @property
+    def failed(self) -> list[Outcome]:
+        """Runs without a result."""
+        return [outcome for outcome in self.outcomes if outcome.status == "failed"]
+
+
+@dataclass(frozen=True)
+class Started:
+    """Event: the suite begins."""
+
+    asked: int
+    skipped: int
+    """Runs that were there already."""
+    todo: tuple[RunSpec, ...]
+
+
+@dataclass(frozen=True)
+class Running:
+    """Event: the number of runs in progress has changed."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Event: a run is done."""
+
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Again:
+    """Event: a run is retried once, for a reason outside its controller."""
+
+    run: RunSpec
+    reason: str
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Event: nothing can go on for now; the reason is empty when it does."""
+
+    reason: str
+
+
+Event = Started | Running | Ended | Again | Waiting
 
 
 def run_suite(
-    suite: Suite,
+    suite: Suite | str | os.PathLike[str],
     folder: str | os.PathLike[str],
     *,
     executor: Executor | Callable[[], Executor] | None = None,
     workers: int | None = None,
     dask: str | None = None,
     fresh: bool = False,
+    redo_changed: bool = False,
     part: tuple[int, int] | None = None,
     time_limit: float | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> Summary:
-    """Run what a suite asks for and is not in the folder yet.
+    """Do the runs of a suite that are not in the folder yet.
 
     By default in processes of this machine. Only this process writes to the folder; workers send what
     they have, and need no file system in common with it.
 
     Args:
-        suite: The suite.
-        folder: Where its results are kept; see :class:`Store`.
-        executor: What does the runs instead; or a function that makes it, so that it can be replaced
-            when it breaks.
+        suite: The suite, its name, or its TOML file.
+        folder: Folder of its results; see :class:`Store`.
+        executor: Executor that does the runs instead; or a function that makes one, so that it can be
+            replaced when it breaks. An executor of threads cannot end a law that never returns.
         workers: Processes; one for each core by default.
         dask: Address of the scheduler of a Dask cluster that does the runs instead.
         fresh: Re-run everything, ignoring existing results.
+        redo_changed: Run those again that other source files of mobman or other versions of libraries
+            made; by default they are kept, and listed in the summary.
         part: ``(k, n)``: only every n-th run, from the k-th on, the first being 1; so that n machines
             share a suite.
         time_limit: Wall time that a run may take (s); the suite's by default.
-        on_event: Is told what happens.
+        on_event: Function that is called with each event.
 
     Raises:
         SpecError: If the suite names what is not there.
@@ -83,121 +140,158 @@ def run_suite(
             is kept.
         UsageError: If an argument makes no sense.
     """
+    if not isinstance(suite, Suite):
+        suite = load_suite(suite)
     limit = suite.time_limit if time_limit is None else time_limit
     if not limit > 0:
         raise UsageError(f"time_limit = {limit!r}: must be above 0 s")
-    _check_place(executor, workers, dask)
-    tell = on_event or _nothing
-    asked = suite.runs()
-    runs = asked if part is None else _part(asked, *part)
-    store = Store(folder)
-    store.begin(suite, asked)
-    if fresh:
-        store.forget(runs)
-    todo = [run for run in runs if not store.done(run)]
-    summary = Summary(asked=len(runs), skipped=len(runs) - len(todo))
-    tell(Started(summary.asked, summary.skipped, tuple(todo)))
-    started = time.monotonic()
-    if todo:
-        with _place(executor, workers, dask, len(todo), limit) as place:
-            try:
-                _run(todo, place, store, limit, summary, tell)
-            except MobmanError as error:
-                raise MobmanError(
-                    f"{error}; the suite stopped: {len(summary.outcomes)} of {len(todo)} runs were done "
-                    f"and are kept in {store.folder}, and it goes on from there when started again"
-                ) from error
-    summary.seconds = time.monotonic() - started
-    store.finish(
-        summary.seconds if summary.outcomes else None, summary.workers if summary.outcomes else None
-    )
-    return summary
-
-
-def _place(
-    executor: Executor | Callable[[], Executor] | None,
-    workers: int | None,
-    dask: str | None,
-    runs: int,
-    limit: float,
-) -> Place:
-    if dask is not None:
-        from mobman.benchmark.running.cluster import Cluster
-
-        return Cluster(dask)
-    if executor is not None:
-        if not compiled_ahead():
-            compile_ahead()  # here and once, instead of in every worker
-        return Given(executor)
-    return Local(min(default_workers() if workers is None else workers, runs), limit)
-
-
-def _check_place(executor: object, workers: int | None, dask: str | None) -> None:
     given = {"executor": executor, "workers": workers, "dask": dask}
     chosen = [name for name, value in given.items() if value is not None]
     if len(chosen) > 1:
         raise UsageError(f"{' and '.join(chosen)} are given: choose one of them")
     if workers is not None and workers < 1:
         raise UsageError(f"workers = {workers!r}: must be 1 or more")
-
-
-def _run(
-    todo: list[RunSpec],
-    place: Place,
-    store: Store,
-    limit: float,
-    summary: Summary,
-    tell: Callable[[Event], None],
-) -> None:
-    jobs = jobs_of(todo, limit, place.dumps())
-    place.prepare(list({id(p): p for job in jobs for p in (job.robot, job.law, job.task)}.values()))
-    for news in results(jobs, place):
-        if not isinstance(news, tuple):
-            if isinstance(news, Running):
-                summary.workers = max(summary.workers, news.count)
-            tell(news)
-            continue
-        job, result = news
-        _keep(job.run, result, store)
-        outcome = Outcome(job.run, result.status, result.message, result.task_error)
-        summary.outcomes.append(outcome)
-        tell(Ended(outcome))
-
-
-def _keep(run: RunSpec, result: Result, store: Store) -> None:
-    if result.content is None:
-        store.fail(run, result.message)
+    if part is not None and not 1 <= part[0] <= part[1]:
+        raise UsageError(f"part {part[0]}/{part[1]}: the first number must be from 1 to the second")
+    tell = on_event or (lambda event: None)
+    asked = suite.runs()
+    runs = asked if part is None else asked[part[0] - 1 :: part[1]]
+    store = Store(folder)
+    store.begin(suite, asked)
+    if fresh:
+        store.forget(runs)
+    there = [run for run in runs if store.done(run)]
+    changed = [(run, difference) for run in there if (difference := store.changed(run))]
+    if redo_changed:
+        store.forget([run for run, _ in changed])
+        there, changed = [run for run in there if store.done(run)], []
+    ids = {run.run_id for run in there}
+    todo = [run for run in runs if run.run_id not in ids]
+    summary = Summary(asked=len(runs), skipped=len(there), changed=changed)
+    tell(Started(summary.asked, summary.skipped, tuple(todo)))
+    if not todo:
+        store.finish()
+        return summary
+    started = time.monotonic()
+    backend: Backend
+    if dask is not None:
+        backend = Cluster(dask)
+    elif executor is not None:
+        backend = Given(executor)
     else:
-        store.keep(run, result.content)
+        backend = Local(min(workers or default_workers(), len(todo)), limit)
+
+    def note(event: Event) -> None:
+        if isinstance(event, Running):
+            summary.workers = max(summary.workers, event.count)
+        tell(event)
+
+    with backend:
+        try:
+            for job, result in results(jobs_of(todo, limit), backend, note):
+                run = job.run
+                if result.content is None:
+                    store.fail(run, result.message)
+                else:
+                    store.keep(run, result.content)
+                error = result.metrics.get("task_error_max", float("nan"))
+                outcome = Outcome(run, result.status, result.message, error)
+                summary.outcomes.append(outcome)
+                tell(Ended(outcome))
+        except MobmanError as error:
+            raise MobmanError(
+                f"{error}; the suite stopped: {len(summary.outcomes)} of {len(todo)} runs were done "
+                f"and are kept in {store.folder}, and it goes on from there when started again"
+            ) from error
+    summary.seconds = time.monotonic() - started
+    store.finish(summary.seconds, summary.workers)
+    return summary
 
 
-def jobs_of(runs: Iterable[RunSpec], time_limit: float, dumps: Callable[[Any], bytes]) -> list[Job]:
-    """The runs with what their names mean here."""
-    parcels: dict[tuple[str, str], Parcel] = {}
-
-    def parcel(kind: str, name: str, find: Callable[[str], Any]) -> Parcel:
-        if (kind, name) not in parcels:
-            parcels[kind, name] = Parcel(f"{kind} {name!r}", find(name), dumps)
-        return parcels[kind, name]
-
-    return [
-        Job(
-            run=run,
-            robot=parcel("robot", run.robot, find_spec),
-            law=parcel("controller", run.law, controllers.get),
-            task=parcel("task", run.task_name, tasks.get),
-            time_limit=time_limit,
-            origin=this_process(),
-        )
-        for run in runs
-    ]
+@dataclass
+class _Try:
+    job: Job
+    number: int = 1
+    executor: int = 0
+    """Which of the backend's executors, one after the other, has it."""
 
 
-def _part(runs: list[RunSpec], k: int, n: int) -> list[RunSpec]:
-    if not 1 <= k <= n:
-        raise UsageError(f"part {k}/{n}: the first number must be from 1 to the second")
-    return runs[k - 1 :: n]
+def results(
+    jobs: Sequence[Job], backend: Backend, tell: Callable[[Event], None] = lambda event: None
+) -> Iterator[tuple[Job, Result]]:
+    """Each job's result as it comes.
 
+    Only a window of the jobs is submitted at a time: there is little to call back. A job whose worker
+    died is tried once more; where it is not certain that it is to blame, after all the others and with
+    no other at the same time.
 
-def _nothing(event: Event) -> None:
-    """Nobody listens."""
+    Raises:
+        MobmanError: If the backend is lost.
+    """
+    left, suspects = deque(_Try(job) for job in jobs), deque[_Try]()
+    submitted: dict[Future[Result], _Try] = {}
+    executor, running, waiting = 0, 0, False
+    backend.prepare(jobs)
+    slots, looked = backend.slots(), time.monotonic()
+
+    def again(
+        trial: _Try, reason: str, queue: deque[_Try], fault: str = ""
+    ) -> Iterator[tuple[Job, Result]]:
+        job = trial.job
+        if trial.number == _TRIES:
+            message = f"{reason}; tried {trial.number} times"
+            yield job, failure(job.run, message, fault=fault)
+        else:
+            queue.append(_Try(job, trial.number + 1))
+            tell(Again(job.run, reason))
+
+    def renew(error: BrokenExecutor, trial: _Try) -> None:
+        """Have another executor, once for all jobs that the broken one had."""
+        nonlocal executor
+        if trial.executor == executor:
+            backend.renew(error)
+            executor += 1
+
+    while left or suspects or submitted:
+        while len(submitted) < backend.ahead * slots and (left or (suspects and not submitted)):
+            trial = left.popleft() if left else suspects.popleft()
+            trial.executor = executor
+            try:
+                submitted[backend.submit(trial.job)] = trial
+            except BrokenExecutor as error:
+                left.appendleft(trial)  # it was not begun
+                renew(error, trial)
+        if (now := min(len(submitted), slots)) != running:
+            running = now
+            tell(Running(running))
+        if waiting != (slots == 0):
+            waiting = slots == 0
+            tell(Waiting(backend.waits_for if waiting else ""))
+        if not submitted:
+            time.sleep(_LOOK)
+        for future in wait(submitted, timeout=_LOOK, return_when=FIRST_COMPLETED).done:
+            trial = submitted.pop(future)
+            job, run = trial.job, trial.job.run
+            try:
+                result = future.result()
+                if result.run_id != run.run_id:
+                    raise MobmanError(f"a worker answered for another run, {result.run_id}")
+            except CancelledError:
+                backend.slots()  # raises if it is because the backend is lost
+                yield from again(trial, "was cancelled from outside", left)
+            except BaseException as error:
+                if isinstance(error, BrokenExecutor):
+                    renew(error, trial)
+                if (reason := backend.loss(error)) is None:
+                    kind = "" if isinstance(error, MobmanError) else f"{type(error).__name__}: "
+                    yield job, failure(run, f"{kind}{error}")
+                else:
+                    yield from again(trial, reason, left if backend.blames_exactly else suspects)
+            else:
+                if result.again:
+                    yield from again(trial, result.message, left, result.fault)
+                else:
+                    yield job, result
+            del future  # and with it the result's content
+        if not submitted or time.monotonic() - looked > _LOOK:
+            slots, looked = backend.slots(), time.monotonic()

@@ -1,21 +1,29 @@
-"""Where a suite's results are: one file a run, what was asked for, and an index."""
+"""Folders of results: one file a run, a manifest, and an index; and joining them."""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from mobman.benchmark.index import write_index
-from mobman.benchmark.manifest import NAME, Manifest, read_manifest
+import h5py
+import numpy as np
+
+from mobman.benchmark.manifest import NAME, SCHEMA_VERSION, Manifest, read_manifest
 from mobman.benchmark.suite import Suite
-from mobman.errors import MobmanError, RecordError, SpecError
-from mobman.files import is_abandoned, write_whole
+from mobman.errors import MobmanError, RecordError, SpecError, UsageError
+from mobman.files import is_abandoned, sync_folder, write_whole
 from mobman.input_file import check_within, read_within
+from mobman.provenance import COMPUTING, versions
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
 from mobman.simulation.run_spec import RunSpec
+
+_COMPARED = ("law", "seed", "dt", "duration", "task_parameters", "scenario")
 
 
 @dataclass(frozen=True)
@@ -30,8 +38,8 @@ class Store:
     """A folder of results.
 
     ``runs/RUN_ID.h5`` are the records and ``failures/RUN_ID.json`` the runs that gave none, each there
-    whole or not at all; ``suite.json`` says what was asked for; ``index.h5`` links the records with a
-    table of what they are, and can be rebuilt from these files at any time.
+    whole or not at all; ``suite.json`` has the runs and the hashes of their records; ``index.h5`` links
+    the records with a table of specs and metrics, and can be rebuilt from these files at any time.
 
     Args:
         folder: The folder; it need not exist.
@@ -40,32 +48,41 @@ class Store:
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = Path(folder)
         self._summaries: dict[Path, tuple[tuple[int, int], RecordSummary]] = {}
+        self._hashes: dict[str, str] | None = None
 
     def path(self, run: RunSpec) -> Path:
-        """Where a run's record is, or will be."""
+        """The file of a run's record, which need not be there."""
         return self.folder / "runs" / f"{run.run_id}.h5"
 
     def begin(self, suite: Suite, runs: Iterable[RunSpec]) -> None:
-        """Note what is asked for, and clear away what a killed run left half-written.
+        """Note the runs of a suite, and clear away what a killed run left half-written.
 
         Raises:
-            MobmanError: If the folder holds another suite's results, or cannot be written.
+            MobmanError: If the folder holds another suite's results, or those of an earlier mobman, or
+                cannot be written.
         """
         manifest = Manifest(suite, tuple(runs))
         if (self.folder / NAME).exists():
             before = read_manifest(self.folder)
+            if before.schema_version != SCHEMA_VERSION:
+                raise MobmanError(
+                    f"{self.folder} holds results made by an earlier mobman (schema "
+                    f"{before.schema_version}): they can be reported and viewed, but new runs are not "
+                    "added to them; choose another folder with -o"
+                )
             if before.suite.name != suite.name:
                 raise MobmanError(
                     f"{self.folder} holds results of the suite {before.suite.name!r}, not of "
                     f"{suite.name!r}; choose another folder with -o"
                 )
-            manifest = replace(manifest, seconds=before.seconds, workers=before.workers)
+            manifest = replace(before, suite=suite, runs=manifest.runs)
         try:
             for name in ("runs", "failures"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
                 self._clear(self.folder / name)
             self._clear(self.folder)
             manifest.write(self.folder)
+            sync_folder(self.folder.absolute().parent)
         except OSError as error:
             raise self._cannot_write(error) from error
 
@@ -74,13 +91,25 @@ class Store:
 
         Args:
             run: The run.
-            content: Its file's.
+            content: Content of its file.
 
         Raises:
+            RecordError: If it is not a record, or another run's.
             MobmanError: If it cannot be written; nothing half-written is left.
         """
-        self._write(self.path(run), content)
-        self._failure(run.run_id).unlink(missing_ok=True)
+        path, found = self.path(run), []
+
+        def check(temporary: Path) -> None:
+            found.append(read_summary(temporary))
+            require_record_of(run, found[0], path)
+
+        try:
+            write_whole(path, content, check)
+            self._failure(run.run_id).unlink(missing_ok=True)
+        except OSError as error:
+            raise self._cannot_write(error) from error
+        self._known_hashes[run.run_id] = hashlib.sha256(content).hexdigest()
+        self._summaries[path] = (_state(path), found[0])
 
     def fail(self, run: RunSpec, reason: str) -> None:
         """Note that a run gave no result, and why.
@@ -89,30 +118,31 @@ class Store:
             MobmanError: If it cannot be written.
         """
         content = json.dumps({"run_id": run.run_id, "run": str(run), "reason": reason})
-        self._write(self._failure(run.run_id), content.encode())
+        try:
+            write_whole(self._failure(run.run_id), content.encode())
+        except OSError as error:
+            raise self._cannot_write(error) from error
 
     def finish(self, seconds: float | None = None, workers: int | None = None) -> None:
-        """Note how long it took, and rebuild the index.
+        """Note the time that the runs took and the hashes of the records, and rebuild the index.
 
         Args:
-            seconds: How long the runs took that were done now; None if there were none.
-            workers: With how many processes.
+            seconds: Time that those took that were done now (s); None if there were none.
+            workers: Number of workers.
 
         Raises:
             MobmanError: If the folder cannot be written.
         """
+        before = read_manifest(self.folder)
+        after = replace(before, hashes=dict(self._known_hashes))
         if seconds is not None:
-            before = read_manifest(self.folder)
-            after = replace(before, seconds=seconds + (before.seconds or 0.0), workers=workers)
-            try:
-                after.write(self.folder)
-            except OSError as error:
-                raise self._cannot_write(error) from error
+            after = replace(after, seconds=seconds + (before.seconds or 0.0), workers=workers)
+        self._write(after)
         self.rebuild_index()
 
     @property
     def manifest(self) -> Manifest:
-        """What was asked for.
+        """The manifest of the folder.
 
         Raises:
             MobmanError: If the folder holds no results.
@@ -121,12 +151,12 @@ class Store:
 
     @property
     def runs(self) -> tuple[RunSpec, ...]:
-        """The runs that were asked for, in the suite's order."""
+        """The runs of the suite, in its order."""
         return self.manifest.runs
 
     @property
     def failures(self) -> list[Failure]:
-        """The runs without a result, and why."""
+        """The runs without a result, and the reasons."""
         found = []
         for path in sorted((self.folder / "failures").glob("*.json")):
             try:
@@ -140,15 +170,30 @@ class Store:
         return found
 
     def done(self, run: RunSpec) -> bool:
-        """True if a run's record is there, can be read, and is of this run."""
+        """True if a run's record is there, whole, and of this run."""
         try:
             self.summary(run)
         except RecordError:
             return False
         return True
 
+    def changed(self, run: RunSpec) -> str:
+        """Differences in what made a run's record and what would make it now: libraries, and mobman's
+        own source files; empty if there are none.
+
+        Raises:
+            RecordError: As :meth:`summary`.
+        """
+        then, now = self.summary(run).versions, versions()
+        names = (*COMPUTING, "source")
+        return ", ".join(
+            f"{name} {then.get(name, 'unknown')} then, {now[name]} now"
+            for name in names
+            if then.get(name) != now[name]
+        )
+
     def unreadable(self, runs: Iterable[RunSpec]) -> list[str]:
-        """What is wrong with each record that is there and cannot be read."""
+        """Faults of records that are there and cannot be used."""
         found = []
         for run in runs:
             if os.path.lexists(self.path(run)):
@@ -157,12 +202,6 @@ class Store:
                 except RecordError as error:
                     found.append(str(error))
         return found
-
-    def strangers(self) -> list[Path]:
-        """Files among the records that are of no run that was asked for."""
-        own = {self.path(run).name for run in self.runs}
-        there = sorted((self.folder / "runs").glob("*"))
-        return [path for path in there if path.name not in own and not path.name.startswith(".")]
 
     def record(self, run: RunSpec) -> Record:
         """A run's record.
@@ -176,36 +215,44 @@ class Store:
         """A run's record without its samples.
 
         Raises:
-            RecordError: If it is not there, cannot be read, or is another run's.
+            RecordError: If it is not there, is damaged, or is another run's.
         """
-        path = self.path(run)
-        summary = self.read(path)
-        asked = (run.scenario["name"], run.seed)
-        found = (summary.scenario, summary.seed)
-        if found != asked:
-            raise RecordError(
-                f"{path} is another run's record: scenario {found[0]!r} and seed {found[1]}, where the "
-                f"suite asks for {asked[0]!r} and {asked[1]}"
-            )
-        return summary
+        return self.read(self.path(run), run)
 
-    def read(self, path: Path) -> RecordSummary:
-        """The summary of a file of the folder, whichever run it is of; read again where it changed.
+    def read(self, path: Path, run: RunSpec | None = None) -> RecordSummary:
+        """The summary of a file of the folder; read again where it changed.
+
+        Its samples are read, too, or where the manifest has its hash, compared with that.
+
+        Args:
+            path: The file.
+            run: The run that it must be of; whichever by default.
 
         Raises:
-            RecordError: If it is not there, cannot be read, or is a link to elsewhere.
+            RecordError: If it is not there, is damaged, is another run's, or is a link to elsewhere.
         """
         try:
             check_within(path, path.parent)
-            status = path.stat()
+            state = _state(path)
         except SpecError as error:
             raise RecordError(str(error)) from error
         except OSError:
             return read_summary(path)  # which says what is wrong
-        key = (status.st_mtime_ns, status.st_size)
         kept = self._summaries.get(path)
-        if kept is None or kept[0] != key:
-            kept = self._summaries[path] = (key, read_summary(path))
+        if kept is None or kept[0] != state:
+            summary = read_summary(path)
+            if run is not None:
+                require_record_of(run, summary, path)
+            written = self._known_hashes.get(path.stem)
+            if written is None:
+                load_record(path)
+                self._known_hashes[path.stem] = _hash(path)
+            elif written != _hash(path):
+                raise RecordError(f"{path} is damaged: its content is not what was written")
+            self._summaries[path] = (state, summary)
+            return summary
+        if run is not None:
+            require_record_of(run, kept[1], path)
         return kept[1]
 
     def forget(self, runs: Iterable[RunSpec]) -> None:
@@ -218,13 +265,14 @@ class Store:
             for run in runs:
                 self.path(run).unlink(missing_ok=True)
                 self._failure(run.run_id).unlink(missing_ok=True)
+                self._known_hashes.pop(run.run_id, None)
             if not any(self.path(run).exists() for run in self.runs):
                 replace(self.manifest, seconds=None, workers=None).write(self.folder)
         except OSError as error:
             raise self._cannot_write(error) from error
 
     def rebuild_index(self) -> Path:
-        """Rewrite ``index.h5``: a link to every record, and a table of specs and metrics.
+        """Write ``index.h5`` again: a link to every record, and a table of specs and metrics.
 
         Raises:
             MobmanError: If it cannot be written.
@@ -235,14 +283,26 @@ class Store:
                 rows.append((run, self.summary(run)))
             except RecordError:
                 continue  # not run yet, or among the failures
-        return write_index(self.folder / "index.h5", rows)
+        path = self.folder / "index.h5"
+        try:
+            write_whole(path, _index(rows))
+        except OSError as error:
+            raise self._cannot_write(error) from error
+        return path
+
+    @property
+    def _known_hashes(self) -> dict[str, str]:
+        if self._hashes is None:
+            there = (self.folder / NAME).exists()
+            self._hashes = dict(read_manifest(self.folder).hashes) if there else {}
+        return self._hashes
 
     def _failure(self, run_id: str) -> Path:
         return self.folder / "failures" / f"{run_id}.json"
 
-    def _write(self, path: Path, content: bytes) -> None:
+    def _write(self, manifest: Manifest) -> None:
         try:
-            write_whole(path, content)
+            manifest.write(self.folder)
         except OSError as error:
             raise self._cannot_write(error) from error
 
@@ -254,3 +314,154 @@ class Store:
         for leftover in folder.glob(".*.tmp"):
             if is_abandoned(leftover):
                 leftover.unlink(missing_ok=True)
+
+
+def require_record_of(run: RunSpec, summary: RecordSummary, path: Path) -> None:
+    """
+    Raises:
+        RecordError: If a record is another run's, by what it says of the run.
+    """
+    found, asked = dict(summary.spec), run.as_dict()
+    # a law of one's own may report other settings than its gains
+    gains = dict(found.get("gains") or {})
+    both = gains.keys() & run.settings.keys()
+    found["gains"] = {name: gains[name] for name in both}
+    asked["gains"] = {name: run.settings[name] for name in both}
+    for name in (*_COMPARED, "gains"):
+        there, here = (json.dumps(d.get(name), sort_keys=True, default=str) for d in (found, asked))
+        if there != here:
+            raise RecordError(
+                f"{path} is another run's record: its {name.replace('_', ' ')} is {there[:80]}, where "
+                f"the suite asks for {here[:80]}"
+            )
+
+
+def _state(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
+
+
+def _hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _index(rows: Sequence[tuple[RunSpec, RecordSummary]]) -> bytes:
+    """Content of the index of runs and their records, which are in the folder ``runs`` next to it."""
+    content = io.BytesIO()
+    with h5py.File(content, "w") as file:
+        file.attrs["schema_version"] = SCHEMA_VERSION
+        links = file.create_group("runs")
+        table = file.create_group("table")
+        ids = [run.run_id for run, _ in rows]
+        for run_id in ids:
+            links[run_id] = h5py.ExternalLink(f"runs/{run_id}.h5", "/")
+        columns: dict[str, list[str]] = {
+            "run_id": ids,
+            **{
+                name: [getattr(run, name) for run, _ in rows]
+                for name in ("label", "robot", "task", "family")
+            },
+            "scenario": [run.scenario["name"] for run, _ in rows],
+            **{
+                name: [getattr(record, name) for _, record in rows]
+                for name in ("status", "message", "state_sha256")
+            },
+            "spec_json": [
+                json.dumps(run.as_dict(), sort_keys=True, default=str) for run, _ in rows
+            ],
+        }
+        for name, values in columns.items():
+            table.create_dataset(name, data=values, dtype=h5py.string_dtype())
+        numbers: dict[str, type] = {"seed": int, "dt": float, "duration": float}
+        for name, kind in numbers.items():
+            column: Any = np.array([getattr(run, name) for run, _ in rows], dtype=kind)
+            table.create_dataset(name, data=column)
+        metrics = table.create_group("metrics")
+        for name in sorted({name for _, record in rows for name in record.metrics}):
+            column = np.array([record.metrics.get(name, np.nan) for _, record in rows], dtype=float)
+            metrics.create_dataset(name, data=column)
+    return content.getvalue()
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Result of joining folders."""
+
+    asked: int
+    """Runs of the folders together."""
+    there: int
+    """Those whose record is in the joined folder."""
+    copied: int
+    unusable: list[str]
+    """Records that cannot be read, and why; they were left out."""
+    conflicts: list[str]
+    """Runs that two folders have with different results; the first one's is kept."""
+
+
+def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str]) -> Merged:
+    """Join folders of one suite's results, from several machines for instance.
+
+    Args:
+        folders: The folders; they are left as they are.
+        into: The folder that gets everything; it may be new, or hold results of the suite.
+
+    Raises:
+        MobmanError: If a folder holds no results, or another suite's, or ``into`` cannot be written.
+        UsageError: If there is no folder to join.
+    """
+    if isinstance(folders, str) or not folders:
+        raise UsageError(f"folders = {folders!r}: must be a list of one folder or more")
+    sources = [Store(folder) for folder in folders]
+    target = Store(into)
+    if (target.folder / NAME).exists():
+        sources.insert(0, target)
+    manifests = [source.manifest for source in sources]
+    names = {
+        manifest.suite.name: source for manifest, source in zip(manifests, sources, strict=True)
+    }
+    if len(names) > 1:
+        found = ", ".join(f"{name!r} in {store.folder}" for name, store in names.items())
+        raise MobmanError(f"these are results of different suites: {found}")
+    for manifest, source in zip(manifests, sources, strict=True):
+        if manifest.schema_version != SCHEMA_VERSION:
+            raise MobmanError(
+                f"{source.folder} holds results made by an earlier mobman (schema "
+                f"{manifest.schema_version}), which are not joined with others"
+            )
+    runs: dict[str, RunSpec] = {}
+    for manifest in manifests:
+        for run in manifest.runs:
+            runs.setdefault(run.run_id, run)
+    target.begin(manifests[0].suite, runs.values())
+    copied, unusable, conflicts = 0, [], []
+    for source in sources:
+        if source is target:
+            continue
+        for run in source.runs:
+            if not os.path.lexists(source.path(run)):
+                continue
+            try:
+                new = source.summary(run)
+            except RecordError as error:
+                unusable.append(str(error))
+                continue
+            try:
+                old = target.summary(run)
+            except RecordError:
+                target.keep(run, source.path(run).read_bytes())
+                copied += 1
+                continue
+            if old.state_sha256 != new.state_sha256:
+                conflicts.append(f"{run}: {target.path(run)} and {source.path(run)} differ")
+        for failure in source.failures:
+            lost = runs.get(failure.run_id)
+            if lost is not None and not target.done(lost):
+                target.fail(lost, failure.reason)
+    seconds = [manifest.seconds for manifest in manifests if manifest.seconds is not None]
+    workers = [manifest.workers for manifest in manifests if manifest.workers is not None]
+    before = target.manifest
+    target._write(replace(before, seconds=sum(seconds) or None, workers=sum(workers) or None))
+    target.finish()
+    there = sum(target.done(run) for run in runs.values())
+    return Merged(len(runs), there, copied, unusable, conflicts)

@@ -134,6 +134,11 @@ def _part(
 )
 @click.option("--fresh", is_flag=True, help="Re-run everything, ignoring existing results.")
 @click.option(
+    "--redo-changed",
+    is_flag=True,
+    help="Re-run what other versions of mobman's source files or of libraries made.",
+)
+@click.option(
     "--part", metavar="K/N", callback=_part, help="Every N-th run, from the K-th on; no report."
 )
 @click.option(
@@ -154,7 +159,7 @@ def run_command(
 
     chosen = load_suite(suite)
     if options["dask"] is None:
-        from mobman.benchmark.running.worker_processes import start_ahead
+        from mobman.benchmark.workers import start_ahead
 
         start_ahead()  # while the following is imported
     from mobman.benchmark.runner import run_suite
@@ -205,6 +210,14 @@ def _tell(summary: Summary) -> None:
             f"singularity, {len(summary.failed)} failed"
         )
     echo(done)
+    differences = dict.fromkeys(difference for _, difference in summary.changed)
+    for difference in differences:
+        count = sum(other == difference for _, other in summary.changed)
+        echo(
+            f"mobman: {count} of the results were made by other sources ({difference}); they are kept, "
+            "and run again with --redo-changed",
+            err=True,
+        )
     for outcome in summary.failed:
         echo(f"mobman: failed: {outcome.run}: {outcome.message}", err=True)
 
@@ -241,7 +254,7 @@ def tune_command(
     FOLDER/SUITE-tuned.toml compares its own gains with the tuned ones. Trials that are in the folder
     are not done again: after Ctrl-C the same command goes on.
     """
-    from mobman.benchmark.runner import default_workers
+    from mobman.benchmark.backends import default_workers
     from mobman.benchmark.suite import load_suite
     from mobman.benchmark.tuning.tune import tune_suite
 
@@ -347,7 +360,7 @@ def merge_command(folders: tuple[Path, ...], output: Path) -> None:
     The folders are left as they are. Exit status 1 if a record could not be read, or two folders
     have different results for one run.
     """
-    from mobman.benchmark.merging import merge
+    from mobman.benchmark.store import merge
 
     merged = merge(folders, output)
     for message in merged.unusable:

@@ -162,8 +162,9 @@ class RecordSummary:
     seed: int
     state_sha256: str
     metrics: dict[str, float]
+    spec: Mapping[str, Any]
     settings: Mapping[str, Any]
-    """Not to be changed: records with the same settings share them, as for what follows."""
+    """Not to be changed: records with the same settings share them, as for the tables that follow."""
     versions: Mapping[str, str]
     machine: Mapping[str, str]
     created: str
@@ -178,7 +179,10 @@ def read_summary(path: Path) -> RecordSummary:
     head = _read(path, whole=False)
     kept = {field.name for field in fields(RecordSummary)}
     for name in kept & set(DICTIONARIES):
-        head[name] = _shared(head[f"{name}_json"])
+        text = head[f"{name}_json"]
+        head[name] = (
+            json.loads(text) if name == "spec" else _shared(text)
+        )  # which is each run's own
     return RecordSummary(**{name: head[name] for name in kept})
 
 

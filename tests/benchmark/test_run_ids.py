@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import pickle
 import sys
 
 import pytest
@@ -11,8 +10,7 @@ from support.suites import suite_of
 from support.variants import description, toml, youbot_urdf
 
 import mobman as mm
-from mobman.benchmark.runner import jobs_of
-from mobman.benchmark.running.loaded_robots import robot_of
+from mobman.benchmark.work import jobs_of, robot_of
 from mobman.errors import MobmanError, RecordError, SpecError
 from mobman.provenance import versions
 from mobman.simulation.friction import frictions
@@ -96,7 +94,7 @@ def test_one_robot_at_two_places_is_told(folder):
 
 def test_code_that_is_edited_meanwhile_is_not_run(folder):
     groups = [{"robots": [str(folder / "own.toml")], "tasks": ["circle"]}]
-    (job,) = jobs_of(suite_of(["pseudo-inverse"], groups=groups).runs(), 60.0, pickle.dumps)
+    (job,) = jobs_of(suite_of(["pseudo-inverse"], groups=groups).runs(), 60.0)
     (folder / "own.py").write_text(PLATFORM.replace("0.158", "0.159"))
     with pytest.raises(MobmanError, match="or its platform's code is not"):
         robot_of(job)

@@ -94,6 +94,27 @@ def test_index_links_every_run_with_its_metrics(done):
             assert json.loads(table["spec_json"][i])["label"] == table["label"][i].decode()
 
 
+def test_results_are_one_frame(done):
+    suite, folder, _ = done
+    frame = mm.load_results(folder)
+    assert list(frame.index) == [run.run_id for run in suite.runs()]
+    assert set(frame["status"]) == {"ok"}
+    for run in suite.runs():
+        row, record = frame.loc[run.run_id], Store(folder).record(run)
+        assert (row["robot"], row["controller"], row["seed"]) == (run.robot, run.label, run.seed)
+        assert row["task_error_rms"] == record.metrics["task_error_rms"]
+
+
+def test_runs_without_a_result_are_in_the_frame(tmp_path):
+    suite = mm.load_suite(small_suite(tmp_path))
+    store = Store(tmp_path / "r")
+    store.begin(suite, suite.runs())
+    store.fail(suite.runs()[0], "its worker process was lost")
+    frame = mm.load_results(store.folder)
+    assert list(frame["status"]) == ["failed", *["pending"] * 7]
+    assert frame["message"].iloc[0] == "its worker process was lost"
+
+
 def test_index_is_rebuilt_from_the_files(done):
     _, folder, _ = done
     index = folder / "index.h5"

@@ -5,21 +5,25 @@ from __future__ import annotations
 import errno
 import json
 import os
-from dataclasses import replace
+import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
 import pytest
 from click.testing import CliRunner
-from support.suites import small_suite
+from support.suites import bits, small_suite, suite_of
 
 import mobman as mm
+from mobman.benchmark import store as store_module
 from mobman.benchmark.manifest import read_manifest
-from mobman.benchmark.merging import merge
-from mobman.benchmark.store import Store
+from mobman.benchmark.reporting import read_results
+from mobman.benchmark.runner import run_suite
+from mobman.benchmark.store import Store, merge
 from mobman.benchmark.suite import load_suite
 from mobman.cli.main import mobman as command
 from mobman.errors import MobmanError, UsageError
+from mobman.provenance import versions
 from mobman.simulation.scenario import Scenario
 
 
@@ -136,7 +140,7 @@ def test_files_that_were_not_asked_for_are_left_alone_and_listed(tmp_path, suite
     stranger = tmp_path / "runs" / "notes.txt"
     stranger.write_text("mine")
     store.begin(suite, runs)
-    assert store.strangers() == [stranger]
+    assert [file.file for file in read_results(store).unused] == ["runs/notes.txt"]
     assert stranger.read_text() == "mine"
 
 
@@ -152,7 +156,7 @@ def test_another_suites_folder_is_refused(tmp_path, suite, runs):
     [
         ("{", "cannot read"),
         ("[]", "schema version None"),
-        ('{"schema_version": 1}', "schema version 1; this mobman reads version 2"),
+        ('{"schema_version": 1}', "schema version 1; this mobman reads version 3"),
         ('{"schema_version": 2}', "is not whole"),
         ('{"schema_version": 2, "suite": {}, "runs": [{}], "shared": []}', "is not whole"),
     ],
@@ -167,12 +171,10 @@ def test_a_spoilt_manifest_is_told_plainly(tmp_path, content, message):
 def test_a_full_disk_leaves_nothing_half_written(tmp_path, suite, runs, contents, monkeypatch):
     store = filled(tmp_path, suite, runs, contents, slice(1))
 
-    def full(path, content):
-        with open(path, "wb") as file:
-            file.write(content[:100])
+    def full(descriptor):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(MobmanError, match="No space left on device"):
         store.keep(runs[1], contents[runs[1].run_id])
     monkeypatch.undo()
@@ -225,7 +227,11 @@ def test_different_results_of_one_run_are_told_and_the_first_is_kept(
     one = filled(tmp_path / "one", suite, runs, contents)
     two = filled(tmp_path / "two", suite, runs, contents)
     disturbed = next(run for run in runs if run.scenario["name"] == "disturbed")
-    two.keep(disturbed, record_of(replace(disturbed, gains={"K_p": 30.0})).to_bytes())
+    other = record_of(disturbed)
+    other.q[-1] += 1e-9
+    other.state_sha256 = ""
+    other.__post_init__()
+    two.keep(disturbed, other.to_bytes())
     result = CliRunner().invoke(
         command, ["bench", "merge", str(one.folder), str(two.folder), "-o", str(tmp_path / "all")]
     )
@@ -292,3 +298,108 @@ def test_what_the_suite_asked_for_survives_other_seeds(tmp_path, suite, runs, co
     store.begin(more, more.runs())
     assert sum(store.done(run) for run in more.runs()) == 8
     assert len(json.loads((tmp_path / "suite.json").read_text())["runs"]) == 12
+
+
+def test_a_record_whose_samples_are_damaged_is_told_and_its_run_done_again(
+    tmp_path, suite, runs, contents
+):
+    """Whether the manifest has its hash, or the machine lost its power before."""
+    store = filled(tmp_path, suite, runs, contents)
+    for finished in (False, True):
+        if finished:
+            store.finish()
+        victim = store.path(runs[1])
+        with h5py.File(victim, "r") as file:
+            chunk = file["q"].id.get_chunk_info(0)
+        with victim.open("r+b") as file:
+            file.seek(chunk.byte_offset)
+            file.write(bytes(chunk.size))
+        again = Store(tmp_path)
+        assert [run for run in runs if not again.done(run)] == [runs[1]]
+        assert "damaged" in again.unreadable(runs)[0]
+        store.keep(runs[1], contents[runs[1].run_id])
+
+
+def test_results_of_other_sources_are_listed_and_redone_on_request(tmp_path, monkeypatch):
+    suite = suite_of(["pseudo-inverse"], seeds=2)
+    with ThreadPoolExecutor(1) as pool:
+        run_suite(suite, tmp_path, executor=pool)
+        assert not run_suite(suite, tmp_path, executor=pool).changed
+        now = versions()
+        monkeypatch.setattr(store_module, "versions", lambda: now | {"numba": "9.9"})
+        kept = run_suite(suite, tmp_path, executor=pool)
+        assert (kept.skipped, len(kept.outcomes)) == (2, 0)
+        reasons = {difference for _, difference in kept.changed}
+        assert reasons == {f"numba {now['numba']} then, 9.9 now"}
+        again = run_suite(suite, tmp_path, executor=pool, redo_changed=True)
+    assert (again.skipped, len(again.outcomes), again.changed) == (0, 2, [])
+
+
+def test_a_power_cut_at_any_write_leaves_a_folder_that_resumes(tmp_path, monkeypatch):
+    """What is not yet on disk when the power goes is lost, or, of a name, may be either."""
+    suite = suite_of(["pseudo-inverse"], seeds=2)
+    folder, cuts = tmp_path / "r", []
+    synced: dict[Path, bytes] = {}
+    fsync, replace_file = os.fsync, os.replace
+
+    def cut():
+        copy = tmp_path / f"cut-{len(cuts)}"
+        for path in folder.rglob("*"):
+            if path.is_file():
+                kept = copy / path.relative_to(folder)
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                kept.write_bytes(synced.get(path, b"")[: path.stat().st_size])
+        cuts.append(copy)
+
+    def noting_fsync(descriptor):
+        path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
+        cut()
+        fsync(descriptor)
+        if path.is_file():
+            synced[path] = path.read_bytes()
+        cut()
+
+    def noting_replace(source, target):
+        replace_file(source, target)
+        synced[Path(target)] = synced.pop(Path(source), b"")
+        cut()
+
+    monkeypatch.setattr(os, "fsync", noting_fsync)
+    monkeypatch.setattr(os, "replace", noting_replace)
+    with ThreadPoolExecutor(1) as pool:
+        run_suite(suite, folder, executor=pool)
+        monkeypatch.undo()
+        expected = bits(folder, suite)
+        assert len(cuts) > 20
+        for copy in cuts:
+            assert not run_suite(suite, copy, executor=pool).failed
+            assert bits(copy, suite) == expected
+
+
+def test_a_folder_of_an_earlier_mobman_is_reported_and_viewed_and_not_added_to(tmp_path):
+    folder = tmp_path / "earlier"
+    shutil.copytree(Path(__file__).parent / "earlier", folder)
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    store = Store(folder)
+    assert store.manifest.schema_version == 2
+    records = [store.record(run) for run in store.runs]
+    assert [record.status for record in records] == ["ok", "ok"]
+    with pytest.raises(MobmanError, match=r"made by an earlier mobman .* new runs are not added"):
+        run_suite(store.manifest.suite, folder, workers=1)
+    with pytest.raises(MobmanError, match="made by an earlier mobman"):
+        merge([folder], tmp_path / "joined")
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    page = CliRunner().invoke(command, ["bench", "report", str(folder)])
+    assert page.exit_code == 0, page.output
+    shown = CliRunner().invoke(
+        command,
+        [
+            "view",
+            str(store.path(store.runs[0])),
+            "--html",
+            str(tmp_path / "x.html"),
+            "--no-browser",
+        ],
+    )
+    assert shown.exit_code == 0, shown.output
+    assert (tmp_path / "x.html").stat().st_size > 100_000

@@ -33,6 +33,42 @@ class Leaves(_Law):
         os._exit(7)
 
 
+class LeavesQuietly(_Law):
+    def act(self):
+        os._exit(0)
+
+
+class Segfaults(_Law):
+    def act(self):
+        ctypes.string_at(0)
+
+
+class Stops(_Law):
+    def act(self):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+
+class Forks(_Law):
+    """Its child goes on with the run, as if it were the worker; so does the worker."""
+
+    def act(self):
+        os.fork()
+
+
+class Swells(_Law):
+    """Asks for ten gigabytes at a time, and keeps them."""
+
+    def act(self):
+        kept = []
+        while True:
+            kept.append(bytearray(10 << 30))
+
+
+class Talks(_Law):
+    def act(self):
+        raise RuntimeError("many words " * 10_000)
+
+
 class Loops(_Law):
     """For ever, in Python, and whatever ``Exception`` comes."""
 
@@ -40,6 +76,17 @@ class Loops(_Law):
         while True:
             with contextlib.suppress(Exception):
                 time.sleep(1e-3)
+
+
+class Slow(_Law):
+    """Takes its time at every step."""
+
+    def act(self):
+        pass
+
+    def step(self, t, q, z, z_dot):
+        time.sleep(0.02)
+        return 0.0 * z
 
 
 class Hangs(_Law):

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mobman.benchmark.runner import jobs_of
-from mobman.benchmark.running.job import Result
-from mobman.benchmark.running.loop import results
-from mobman.benchmark.running.place import Place
+from mobman.benchmark.backends import Backend
+from mobman.benchmark.runner import results
 from mobman.benchmark.suite_tables import Space
 from mobman.benchmark.tuning.objective import Objective
+from mobman.benchmark.work import Result, jobs_of
 from mobman.controllers.protocol import gains_by_field
 from mobman.errors import MobmanError
 from mobman.simulation.run_spec import RunSpec
@@ -286,13 +285,13 @@ def journal(path: Path, *, fresh: bool) -> optuna.storages.BaseStorage:
         raise MobmanError(f"{where} is no trial, or one of an earlier mobman; {_REMEDY}") from error
 
 
-def steps(searches: Sequence[Search], count: int, place: Place, limit: float) -> Iterator[Step]:
+def steps(searches: Sequence[Search], count: int, backend: Backend, limit: float) -> Iterator[Step]:
     """Do so many trials of every controller, those that are done already excepted, and keep them.
 
     Args:
         searches: Of all controllers, which share the objective.
         count: Trials of each.
-        place: Where runs are done.
+        backend: Workers that do the runs.
         limit: Wall time that a run may take (s).
 
     Raises:
@@ -313,7 +312,7 @@ def steps(searches: Sequence[Search], count: int, place: Place, limit: float) ->
         owners = [(trial, i) for trial in asked for i in range(len(trial[0].runs))]
         runs = [search.run(i, gains) for (search, _, gains), i in owners]
         scores: dict[tuple[str, int], dict[int, RunScore]] = {}
-        for position, run in scores_of(runs, searches[0].objective, place, limit):
+        for position, run in scores_of(runs, searches[0].objective, backend, limit):
             (search, number, gains), i = owners[position]
             own_scores = scores.setdefault((search.label, number), {})
             own_scores[i] = run
@@ -326,22 +325,21 @@ def steps(searches: Sequence[Search], count: int, place: Place, limit: float) ->
 
 
 def scores_of(
-    runs: Sequence[RunSpec], objective: Objective, place: Place, limit: float
+    runs: Sequence[RunSpec], objective: Objective, backend: Backend, limit: float
 ) -> Iterator[tuple[int, RunScore]]:
     """The scores of runs, each with its position, as they come.
 
     Args:
         runs: The runs.
         objective: Their score.
-        place: Where they are done.
+        backend: Workers that do them.
         limit: Wall time that each may take (s).
     """
-    jobs = [replace(job, with_file=False) for job in jobs_of(runs, limit, place.dumps())]
+    jobs = jobs_of(runs, limit, with_file=False)
     positions = {id(job): position for position, job in enumerate(jobs)}
-    for news in results(jobs, place):
-        if isinstance(news, tuple):
-            position = positions[id(news[0])]
-            yield position, _score(news[1], objective, runs[position].duration)
+    for job, result in results(jobs, backend):
+        position = positions[id(job)]
+        yield position, _score(result, objective, runs[position].duration)
 
 
 def _score(result: Result, objective: Objective, duration: float) -> RunScore:

@@ -6,7 +6,6 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
@@ -15,9 +14,7 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from mobman.benchmark.running.given import Given
-from mobman.benchmark.running.local import Local
-from mobman.benchmark.running.place import Place
+from mobman.benchmark.backends import Backend, Given, Local
 from mobman.benchmark.suite import Suite
 from mobman.benchmark.suite_tables import TunedFrom, Tuning
 from mobman.benchmark.tuning.objective import objectives
@@ -146,10 +143,9 @@ def tune_suite(
         seconds = sum(run.duration for run in runs)
         on_start(Plan(counts, tuning.trials, len(runs), seconds, done))
     limit = suite.time_limit
-    place: AbstractContextManager[Place]
-    place = Local(workers, limit) if executor is None else Given(executor)
-    with place as opened:
-        for step in steps(list(searches.values()), tuning.trials, opened, limit):
+    backend: Backend = Local(workers, limit) if executor is None else Given(executor)
+    with backend:
+        for step in steps(list(searches.values()), tuning.trials, backend, limit):
             if on_step is not None:
                 on_step(step)
     found = {label: [own.done[number] for number in numbers] for label, own in searches.items()}

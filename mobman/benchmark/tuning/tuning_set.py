@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 from pydantic import RootModel
 
-from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.suite import Suite
 from mobman.benchmark.suite_tables import Space, Tuning
+from mobman.benchmark.work import simulated_run
 from mobman.controllers.protocol import controllers, gains_by_field, make_controller
 from mobman.errors import SpecError, UnknownNameError, UsageError
 from mobman.model.build import load_robot

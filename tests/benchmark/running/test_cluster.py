@@ -111,13 +111,13 @@ def test_a_scheduler_that_is_lost_ends_the_suite_clearly(tmp_path, cluster):
 def test_an_address_where_nothing_answers_is_told(tmp_path):
     with pytest.raises(MobmanError, match="no Dask scheduler answers at"):
         run_suite(suite_of(LAWS), tmp_path / "r", dask=f"tcp://127.0.0.1:{free_port()}")
-    with pytest.raises(MobmanError, match="is no address of a Dask scheduler"):
+    with pytest.raises(MobmanError, match="is not an address of a Dask scheduler"):
         run_suite(suite_of(LAWS), tmp_path / "r", dask="nothing://x y")
 
 
 @pytest.mark.parametrize("cluster", [1], indirect=True)
 def test_another_version_there_is_told(tmp_path, cluster, monkeypatch):
-    from mobman.benchmark.running import cluster as module
+    from mobman.benchmark import backends as module
 
     here = module.versions()
     monkeypatch.setattr(module, "versions", lambda: here | {"mobman": "9.9"})

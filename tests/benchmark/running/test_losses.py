@@ -5,6 +5,8 @@ from __future__ import annotations
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
+import numpy as np
+import psutil
 import pytest
 from support import hostile_laws
 from support.suites import bits, suite_of
@@ -19,6 +21,13 @@ from mobman.simulation.record import load_record
 HOSTILE = {
     "killed": hostile_laws.Killed,
     "leaves": hostile_laws.Leaves,
+    "leaves-quietly": hostile_laws.LeavesQuietly,
+    "segfaults": hostile_laws.Segfaults,
+    "stops": hostile_laws.Stops,
+    "forks": hostile_laws.Forks,
+    "swells": hostile_laws.Swells,
+    "talks": hostile_laws.Talks,
+    "slow": hostile_laws.Slow,
     "loops": hostile_laws.Loops,
     "hangs": hostile_laws.Hangs,
     "fills": hostile_laws.Fills,
@@ -54,21 +63,27 @@ def run(suite, folder, **options):
 
 
 def test_each_loss_is_told_and_costs_nothing_else(tmp_path):
-    laws = ["killed", "leaves", "fills", "raises", "exits", "diverges"]
+    again = ["killed", "leaves", "leaves-quietly", "segfaults", "fills", "swells"]
+    laws = [*again, "raises", "talks", "exits", "diverges"]
     suite = suite_of(["pseudo-inverse", *laws])
     reasons, tries = run(suite, tmp_path / "all", workers=2)
     assert reasons == {
         "killed": "its worker process was ended by SIGKILL (out of memory?); tried 2 times",
         "leaves": "its worker process ended with exit status 7; tried 2 times",
+        "leaves-quietly": "its worker process ended with exit status 0; tried 2 times",
+        "segfaults": "its worker process was ended by SIGSEGV; tried 2 times",
         "fills": "ran out of memory; tried 2 times",
+        "swells": "ran out of memory; tried 2 times",
         "raises": "RuntimeError: a bug of its own",
+        "talks": reasons["talks"],
         "exits": "MobmanError: at t = 0 s: the code of the controller, the task or the platform "
         "called sys.exit (SystemExit: 3)",
     }
-    once = {"pseudo-inverse", "raises", "exits", "diverges"}
-    assert tries == {law: 1 if law in once else 2 for law in ["pseudo-inverse", *laws]}
+    assert reasons["talks"].startswith("RuntimeError: many words many words")
+    assert len(reasons["talks"]) < 2100
+    assert tries == {law: 1 + (law in again) for law in ["pseudo-inverse", *laws]}
     store = Store(tmp_path / "all")
-    assert len(store.failures) == 5
+    assert len(store.failures) == 9
     statuses = {
         run.law: load_record(store.path(run)).status for run in suite.runs() if store.done(run)
     }
@@ -81,12 +96,43 @@ def test_each_loss_is_told_and_costs_nothing_else(tmp_path):
 
 def test_what_takes_too_long_is_told(tmp_path):
     """Alone: on a busy machine a sound run may take as long as the limit, too."""
-    reasons, tries = run(suite_of(["loops", "hangs"]), tmp_path, workers=2, time_limit=1.0)
-    assert reasons == {
-        "loops": "took longer than its time limit of 1 s; tried 2 times",
-        "hangs": "did not heed its time limit of 1 s, and was ended after 2 s; tried 2 times",
-    }
-    assert tries == {"loops": 2, "hangs": 2}
+    laws = ["loops", "hangs", "stops"]
+    reasons, tries = run(suite_of(laws), tmp_path, workers=3, time_limit=1.0)
+    assert reasons == dict.fromkeys(laws, "took longer than its time limit of 1 s; tried 2 times")
+    assert tries == dict.fromkeys(laws, 2)
+
+
+def test_a_child_that_a_law_forks_answers_for_nobody(tmp_path):
+    suite = suite_of(["forks", "pseudo-inverse"], seeds=3)
+    reasons, tries = run(suite, tmp_path / "r", workers=2)
+    assert not reasons
+    assert tries == {"forks": 1, "pseudo-inverse": 1}
+    store = Store(tmp_path / "r")
+    for each in suite.runs():
+        record = store.record(each)
+        assert (record.spec["law"], record.seed) == (each.law, each.seed)
+        assert np.any(record.torque) == (each.law != "forks")
+
+
+def test_a_stopped_worker_and_a_killed_fork_server_cost_no_run(tmp_path):
+    suite = suite_of(["pseudo-inverse"], seeds=6, duration=0.3)
+    met, struck = [], []
+
+    def strike(event):
+        if isinstance(event, Ended) and not struck:
+            family = psutil.Process().children(recursive=True)
+            servers = [p for p in family if "forkserver" in " ".join(p.cmdline())]
+            struck.append(min(servers, key=lambda p: p.create_time()))
+            struck[0].kill()
+        if isinstance(event, Again):
+            met.append(event.reason)
+
+    summary = run_suite(suite, tmp_path / "r", workers=2, on_event=strike)
+    assert not summary.failed
+    assert len(summary.outcomes) == 6
+    assert len(met) <= 2
+    _, left = psutil.wait_procs(psutil.Process().children(recursive=True), timeout=5)
+    assert not [p for p in left if "--multiprocessing-fork" in " ".join(p.cmdline())]
 
 
 def test_a_worker_that_dies_once_costs_nothing(tmp_path):
@@ -122,10 +168,29 @@ def test_an_executor_that_cannot_be_replaced_ends_the_suite_clearly(tmp_path):
 
 
 def test_threads_heed_the_time_limit(tmp_path):
-    suite = suite_of(["loops", "pseudo-inverse"])
+    suite = suite_of(["slow", "pseudo-inverse"], duration=0.2)
     with ThreadPoolExecutor(1) as pool:
         reasons, _ = run(suite, tmp_path / "r", executor=pool, time_limit=0.5)
-    assert reasons == {"loops": "took longer than its time limit of 0.5 s; tried 2 times"}
+    assert reasons == {"slow": "took longer than its time limit of 0.5 s; tried 2 times"}
+
+
+def test_a_reply_for_another_run_is_not_kept(tmp_path):
+    class Mixed(ThreadPoolExecutor):
+        """Gives each run the result of the first."""
+
+        first = None
+
+        def submit(self, function, *args):
+            self.first = self.first or super().submit(function, *args)
+            return super().submit(self.first.result)
+
+    suite = suite_of(["pseudo-inverse"], seeds=3)
+    with Mixed(1) as pool:
+        reasons, _ = run(suite, tmp_path / "r", executor=pool)
+    first, *others = suite.runs()
+    assert Store(tmp_path / "r").done(first)
+    assert reasons["pseudo-inverse"] == f"a worker answered for another run, {first.run_id}"
+    assert not any(Store(tmp_path / "r").done(other) for other in others)
 
 
 def test_a_law_that_cannot_be_sent_is_told(tmp_path, monkeypatch):

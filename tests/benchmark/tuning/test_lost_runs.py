@@ -7,7 +7,7 @@ from dataclasses import replace
 from support import hostile_laws
 from support.suites import small_suite
 
-from mobman.benchmark.running.local import Local
+from mobman.benchmark.backends import Local
 from mobman.benchmark.suite import load_suite
 from mobman.benchmark.tuning.objective import objectives
 from mobman.benchmark.tuning.search import scores_of
@@ -22,8 +22,8 @@ def test_each_is_scored_as_one_that_failed_and_costs_nothing_else(tmp_path, monk
         monkeypatch.setitem(controllers._items, name, law)
         runs.insert(1, replace(runs[0], law=name, gains={}))
     objective = objectives.get("error")
-    with Local(2, 1.0) as place:
-        scores = dict(scores_of(runs, objective, place, 1.0))
+    with Local(2, 1.0) as backend:
+        scores = dict(scores_of(runs, objective, backend, 1.0))
     assert len(scores) == len(runs) == good + len(laws)
     worst = objective.score("failed", {}, 0.0)
     for position, run in enumerate(runs):
@@ -34,6 +34,6 @@ def test_each_is_scored_as_one_that_failed_and_costs_nothing_else(tmp_path, monk
             assert found.status == "ok", found
     messages = {runs[i].law: scores[i].message for i in scores}
     assert "SIGKILL" in messages["killer"]
-    assert "did not heed its time limit of 1 s" in messages["hangs"]
+    assert "took longer than its time limit of 1 s" in messages["hangs"]
     assert "took longer than its time limit of 1 s" in messages["loops"]
     assert all("tried 2 times" in messages[name] for name in laws)

@@ -7,10 +7,10 @@ import tomllib
 import pytest
 from support.tuning import Inline, tuned_fields, tuned_suite
 
-from mobman.benchmark.running.simulated_run import simulated_run
 from mobman.benchmark.suite import load_suite
 from mobman.benchmark.tuning.tune import tune_suite
 from mobman.benchmark.tuning.tuning_set import candidates
+from mobman.benchmark.work import simulated_run
 from mobman.controllers.protocol import make_controller
 from mobman.errors import SpecError
 from mobman.model.build import load_robot

@@ -23,7 +23,7 @@ from support.tuning import (
 )
 from support.tuning import tuned_suite as small
 
-from mobman.benchmark.running import simulated_run
+from mobman.benchmark import work
 from mobman.benchmark.tuning.objective import CEILING, Objective, objectives
 from mobman.benchmark.tuning.tune import tune_suite
 from mobman.cli.bench import bench
@@ -63,7 +63,7 @@ def test_budget_is_equal(tmp_path, monkeypatch):
         calls[controller.gains.scale, options["scenario"].name, options["seed"]] += 1
         return simulate(robot, controller, task, **options)
 
-    monkeypatch.setattr(simulated_run, "simulate", counted)
+    monkeypatch.setattr(work, "simulate", counted)
     # a law that takes all gains, so that all trials are simulated
     monkeypatch.setattr(KnownOptimum, "search_space", {"y": {"low": 0.0, "high": 1.0}})
     plans = []
@@ -223,7 +223,7 @@ def test_full_disk_is_no_fault_of_gains(tmp_path, monkeypatch):
     def broken(*arguments, **options):
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(simulated_run, "simulate", broken)
+    monkeypatch.setattr(work, "simulate", broken)
     with pytest.raises(OSError, match="no space left"):
         tune_suite(small(), tmp_path, trials=1, executor=Inline())
 

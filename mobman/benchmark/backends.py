@@ -1,0 +1,356 @@
+"""Backends: workers that do a suite's runs, on this machine, on a Dask cluster, or any Executor."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import pickle
+import sys
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
+from typing import Any, Self
+
+from mobman.benchmark.work import Job, Result, packed, parts_of, perform, perform_packed
+from mobman.benchmark.workers import WorkerLostError, Workers
+from mobman.errors import MobmanError, UsageError
+from mobman.provenance import versions
+
+_ANSWER = 5.0  # s, for a scheduler to answer in
+_LOGGERS = ("distributed", "distributed.client", "distributed.core", "distributed.utils")
+
+
+class Backend(ABC):
+    """Workers that jobs are given to; a context, at whose end none is left behind."""
+
+    ahead = 2
+    """Jobs submitted for each that can be in progress, so that no worker waits for its next."""
+    blames_exactly = True
+    """Whether work whose worker died is the only work that the worker had."""
+    waits_for = "there are no workers"
+    """Reason for which there are no slots."""
+
+    @abstractmethod
+    def slots(self) -> int:
+        """Number of runs that can be in progress now.
+
+        Raises:
+            MobmanError: If the workers are lost.
+        """
+
+    @abstractmethod
+    def submit(self, job: Job) -> Future[Result]:
+        """Have a job done.
+
+        Raises:
+            BrokenExecutor: If no more jobs are taken; see :meth:`renew`.
+        """
+
+    @abstractmethod
+    def loss(self, error: BaseException) -> str | None:
+        """In words, how the worker that had a job was lost; None if the error is another."""
+
+    def renew(self, error: BaseException) -> None:
+        """Go on after an executor broke as a whole.
+
+        Raises:
+            MobmanError: If there is no way to.
+        """
+        raise MobmanError(str(error)) from error
+
+    def prepare(self, jobs: Sequence[Job]) -> None:
+        """Look at the jobs that will be submitted.
+
+        Raises:
+            MobmanError: If the workers cannot do them.
+        """
+        return
+
+    def __enter__(self) -> Self:
+        return self
+
+    @abstractmethod
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None: ...
+
+
+def default_workers() -> int:
+    """One for each core that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Local(Backend):
+    """Processes of this machine.
+
+    Args:
+        count: Number of processes.
+        time_limit: Wall time that a run may take (s).
+    """
+
+    def __init__(self, count: int, time_limit: float) -> None:
+        self._count, self._limit = count, time_limit
+        self._workers = Workers(count, time_limit)
+
+    def slots(self) -> int:
+        return self._count
+
+    def submit(self, job: Job) -> Future[Result]:
+        try:
+            return self._workers.submit(perform_packed, packed(job, pickle.dumps))
+        except MobmanError as error:
+            refused: Future[Result] = Future()
+            refused.set_exception(error)
+            return refused
+
+    def loss(self, error: BaseException) -> str | None:
+        if isinstance(error, TimeoutError):
+            return f"took longer than its time limit of {self._limit:g} s"
+        return str(error) if isinstance(error, WorkerLostError) else None
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        if kind is None:
+            self._workers.shutdown()
+        else:  # runs half done are worthless
+            self._workers.kill()
+
+
+class Given(Backend):
+    """Any :class:`concurrent.futures.Executor`.
+
+    Args:
+        executor: The executor, which stays the caller's; or a function that makes one, again when one
+            breaks.
+    """
+
+    blames_exactly = False
+
+    def __init__(self, executor: Executor | Callable[[], Executor]) -> None:
+        self._make = None if isinstance(executor, Executor) else executor
+        self._executor = executor if isinstance(executor, Executor) else executor()
+        self._futures: set[Future[Result]] = set()
+
+    def slots(self) -> int:
+        # an attribute of Python's own executors; another one gets a little more than it needs
+        return int(getattr(self._executor, "_max_workers", default_workers()))
+
+    def submit(self, job: Job) -> Future[Result]:
+        future = self._executor.submit(perform, job)
+        self._futures.add(future)
+        future.add_done_callback(self._futures.discard)
+        return future
+
+    def loss(self, error: BaseException) -> str | None:
+        return "its worker process died" if isinstance(error, BrokenExecutor) else None
+
+    def renew(self, error: BaseException) -> None:
+        if self._make is None:
+            raise MobmanError(
+                f"the executor broke ({error}), since a run ended its process; what was done is kept. "
+                "Give a function that makes an executor, and it is replaced instead"
+            ) from error
+        self._executor.shutdown(wait=False)
+        self._executor = self._make()
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        for future in list(self._futures):
+            future.cancel()
+        if self._make is not None:
+            self._executor.shutdown(wait=kind is None, cancel_futures=True)
+
+
+class Cluster(Backend):
+    """The workers of a Dask scheduler.
+
+    Args:
+        address: The scheduler's, such as ``"tcp://10.0.0.1:8786"``.
+
+    Raises:
+        MobmanError: If Dask is not installed, or nothing answers at the address.
+        UsageError: If it is not an address.
+    """
+
+    blames_exactly = False  # a worker's next runs are with it already when it dies
+
+    def __init__(self, address: str) -> None:
+        try:
+            import distributed
+        except ImportError as error:
+            raise MobmanError(
+                "running on a cluster needs Dask; install it with: pip install 'mobman[dask]'"
+            ) from error
+        _check_address(address)  # before there is a client that has to be closed
+        connect: Any = distributed.Client  # its signature has no types
+        self._address = address
+        self.waits_for = f"the scheduler at {address} has no workers"
+        self._levels = {name: logging.getLogger(name).level for name in _LOGGERS}
+        for name in _LOGGERS:  # their news are reported here, in one line
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        try:
+            self._client = connect(address, timeout=_ANSWER, set_as_default=False, name="mobman")
+        except (OSError, TimeoutError) as error:
+            raise MobmanError(
+                f"no Dask scheduler answers at {address}; start one with: dask scheduler"
+            ) from error
+        except (ValueError, TypeError) as error:
+            raise _not_an_address(address, error) from error
+        self._executor: Executor = self._client.get_executor(pure=False)
+        self._parts: dict[str, Any] = {}
+        self._known: set[str] = set()
+
+    def slots(self) -> int:
+        if self._client.status != "running":
+            raise self._lost()
+        try:
+            threads = dict(self._client.nthreads())
+        except Exception as error:  # whatever its connection meets
+            raise self._lost() from error
+        if new := sorted(set(threads) - self._known):
+            self._check(new)
+        self._known = set(threads)
+        return sum(threads.values())
+
+    def submit(self, job: Job) -> Future[Result]:
+        import cloudpickle
+
+        try:
+            return self._executor.submit(perform_packed, packed(job, cloudpickle.dumps))
+        except OSError as error:
+            raise self._lost() from error
+
+    def loss(self, error: BaseException) -> str | None:
+        from distributed import KilledWorker
+
+        if not isinstance(error, KilledWorker):
+            return None
+        count = error.allowed_failures + 1
+        many = f"{count} workers" if count > 1 else "the worker"
+        return f"{many} that had it died (out of memory, over its time limit, or killed)"
+
+    def prepare(self, jobs: Sequence[Job]) -> None:
+        self._parts = parts_of(jobs)
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        with contextlib.suppress(Exception):
+            if self._client.status == "running":
+                self._executor.shutdown(wait=False)
+        with contextlib.suppress(Exception):
+            self._client.close(timeout=1)
+        for name, level in self._levels.items():
+            logging.getLogger(name).setLevel(level)
+
+    def _lost(self) -> MobmanError:
+        return MobmanError(f"lost the Dask scheduler at {self._address}")
+
+    def _check(self, workers: list[str]) -> None:
+        """Require that workers can do the same runs with the same result.
+
+        Raises:
+            MobmanError: If they cannot.
+        """
+        here = versions()
+        for worker, there in self._ask(workers, _versions_there).items():
+            if there.get("mobman") != here["mobman"]:
+                raise MobmanError(
+                    f"the worker {worker} has mobman {there.get('mobman', 'not installed')}, here it is "
+                    f"{here['mobman']}; install the same there"
+                )
+            other = [
+                f"{name} {version} ({there[name]} there)"
+                for name, version in here.items()
+                if there.get(name, version) != version
+            ]
+            if other:
+                warnings.warn(
+                    f"the worker {worker} has other versions: {', '.join(other)}; results may differ in "
+                    "their last bits",
+                    stacklevel=2,
+                )
+        if self._problems(workers):
+            self._send_by_value()
+        if problems := self._problems(workers):
+            raise MobmanError(problems[0])
+
+    def _problems(self, workers: list[str]) -> list[str]:
+        """Faults of what the workers are sent."""
+        import cloudpickle
+
+        contents = [
+            (name, packed(part, cloudpickle.dumps, name)) for name, part in self._parts.items()
+        ]
+        found = self._ask(workers, _problems_there, contents)
+        return [problem for problems in found.values() for problem in problems]
+
+    def _send_by_value(self) -> None:
+        """Send modules that are not installed, such as those beside a script, with what they define."""
+        import cloudpickle
+
+        for part in self._parts.values():
+            module = sys.modules.get(getattr(part, "__module__", ""))
+            if module is not None and module.__name__ != "__main__":
+                top = sys.modules[module.__name__.partition(".")[0]]
+                if top.__name__ != "mobman":
+                    cloudpickle.register_pickle_by_value(top)
+
+    def _ask(self, workers: list[str], function: Callable[..., Any], *args: Any) -> dict[str, Any]:
+        """Call a function on workers; those that leave meanwhile are left out."""
+        answers = self._client.run(function, *args, workers=workers, on_error="return")
+        return {
+            worker: answer
+            for worker, answer in answers.items()
+            if not isinstance(answer, BaseException)
+        }
+
+
+def _check_address(address: str) -> None:
+    from distributed.comm.addressing import get_address_host_port
+
+    if address.startswith("inproc:"):  # of a cluster in this process, which has no port
+        return
+    try:
+        get_address_host_port(address)
+    except (ValueError, TypeError) as error:
+        raise _not_an_address(address, error) from error
+
+
+def _not_an_address(address: str, error: Exception) -> UsageError:
+    return UsageError(
+        f"{address!r} is not an address of a Dask scheduler ({error}); it is like tcp://host:8786"
+    )
+
+
+def _by_value() -> tuple[
+    Callable[[], dict[str, str]], Callable[[list[tuple[str, bytes]]], list[str]]
+]:
+    """Functions for workers that may have no mobman, or another one: local ones are sent whole."""
+
+    def versions_there() -> dict[str, str]:
+        """Versions of the libraries on a worker; none if it has no mobman."""
+        try:
+            from mobman.provenance import versions
+
+            return versions()
+        except ImportError:
+            return {}
+
+    def problems_there(packed: list[tuple[str, bytes]]) -> list[str]:
+        """Reasons for which a worker cannot unpack these, by name."""
+        import pickle
+
+        problems = []
+        for name, content in packed:
+            try:
+                pickle.loads(content)
+            except Exception as error:
+                problems.append(
+                    f"{name} cannot be loaded on the workers ({type(error).__name__}: {error}); install "
+                    "there what defines it"
+                )
+        return problems
+
+    return versions_there, problems_there
+
+
+_versions_there, _problems_there = _by_value()

@@ -1,0 +1,59 @@
+"""Results of a suite as one table, a row a run."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import pandas as pd
+
+from mobman.benchmark.store import Store
+from mobman.errors import RecordError
+
+
+def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
+    """The results in a folder, one row a run of the suite.
+
+    >>> import mobman as mm
+    >>> frame = mm.load_results("results/paper")  # doctest: +SKIP
+    >>> frame.pivot_table("task_error_rms", "robot", "controller")  # doctest: +SKIP
+
+    Args:
+        folder: The folder that ``mobman bench run`` or :func:`mobman.run_suite` wrote.
+
+    Returns:
+        A frame indexed by run id. Columns: ``robot``, ``task``, ``scenario``, ``controller`` (its
+        label in the suite), ``law``, ``seed``, ``dt`` (s), ``duration`` (s), ``status`` (as in
+        :class:`mobman.Record`; ``"failed"`` for a run without a result, ``"pending"`` for one that is
+        not done yet), ``message``, ``file``, and every metric by its name, NaN where a run has none.
+
+    Raises:
+        MobmanError: If the folder holds no results.
+    """
+    store = Store(folder)
+    reasons = {failure.run_id: failure.reason for failure in store.failures}
+    rows: list[dict[str, Any]] = []
+    for run in store.runs:
+        path = store.path(run)
+        row: dict[str, Any] = {
+            "run_id": run.run_id,
+            "robot": run.robot,
+            "task": run.task,
+            "scenario": run.scenario["name"],
+            "controller": run.label,
+            "law": run.law,
+            "seed": run.seed,
+            "dt": run.dt,
+            "duration": run.duration,
+        }
+        try:
+            summary = store.summary(run)
+        except RecordError as error:
+            there = os.path.lexists(path)
+            reason = reasons.get(run.run_id) or (str(error) if there else "")
+            row |= {"status": "failed" if reason else "pending", "message": reason, "file": ""}
+        else:
+            row |= {"status": summary.status, "message": summary.message, "file": str(path)}
+            row |= summary.metrics
+        rows.append(row)
+    return pd.DataFrame(rows).set_index("run_id")

@@ -1,1 +1,0 @@
-"""Doing runs: in this machine's processes, on a cluster, or wherever an executor leads."""
