@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from mobman.arrays import Matrix, Vector
-from mobman.kernels.kernel import kernel
+from mobman.compiled import kernel
 
 _ROUNDING = 1e-14  # of the largest pivot: what rounding leaves of a pivot that should be 0
 
