@@ -32,9 +32,16 @@ import numba
 import numpy as np
 
 PACKAGE = Path(__file__).parent
-# Sums may be reordered and fused, which lets them use the vector units; nothing else that could
-# change a result by more than rounding is allowed. A division by 0 gives inf or NaN.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}
+OPTIONS: dict[str, Any] = {
+    # Sums may be reordered and fused, which lets them use the vector units; nothing else that could
+    # change a result by more than rounding is allowed. A division by 0 gives inf or NaN.
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract"},
+    # No counting of references (as the docstring of numba.extending.register_jitable has it): a row of
+    # a matrix costs nothing, an entry's arrays 0.01 us each instead of 0.1; what would allocate does
+    # not compile.
+    "_nrt": False,
+}
 
 _DECORATED = re.compile(rb"^@kernel\r?$", re.MULTILINE)
 _UNUSED = 30 * 24 * 3600.0  # s: folders of other versions go after this time
@@ -46,8 +53,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def kernel(function: Function) -> Function:
     """Compile a function at its first call or binding, and keep the machine code for later processes.
 
-    The function writes into arrays that it is given, and returns None, a number, or a status: 0, or what
-    went wrong. It may call other kernels.
+    The function writes into arrays that it is given, allocates nothing, and returns None, a number, or a
+    status: 0, or what went wrong. It may call other kernels.
     """
     keep = not unsafe() and not _calls_other_files(function)
     before = numba.config.CACHE_DIR  # where others keep theirs is not changed
@@ -65,7 +72,7 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     Args:
         function: A kernel, which is compiled for them now; any other function as well.
         *arguments: Contiguous arrays of floats or 64-bit integers, read and written in place, and
-            numbers, which are constants of the entry.
+            numbers, which are constants of the entry; also tuples of these.
 
     Raises:
         TypeError: If an argument is neither.
@@ -96,6 +103,8 @@ def is_compiled(function: object) -> bool:
 
 
 def _fits(argument: Any) -> bool:
+    if isinstance(argument, tuple):
+        return all(map(_fits, argument))
     if not isinstance(argument, np.ndarray):
         return isinstance(argument, (int, float, np.integer, np.floating))
     flags = argument.flags
