@@ -41,6 +41,7 @@ OPTIONS: dict[str, Any] = {
     # a matrix costs nothing, an entry's arrays 0.01 us each instead of 0.1; what would allocate does
     # not compile.
     "_nrt": False,
+    "no_cfunc_wrapper": True,  # nobody calls them from C
 }
 
 _DECORATED = re.compile(rb"^@kernel\r?$", re.MULTILINE)
@@ -95,6 +96,19 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     _compile(dispatcher, types)
     # the machine code behind the dispatcher, which would look at the arguments' types at every call
     return partial(dispatcher.get_overload(types), *arguments)
+
+
+def sequence(*entries: Callable[[], Any]) -> Callable[[], int]:
+    """A function that calls entries in order: 0, or the status of the first that has one, the last
+    that is called."""
+
+    def run() -> int:
+        for entry in entries:
+            if status := entry():
+                return int(status)
+        return 0
+
+    return run
 
 
 def is_compiled(function: object) -> bool:

@@ -30,6 +30,14 @@ def norm(a: Vector) -> float:
 
 
 @kernel
+def copy(a: Matrix, to: Matrix) -> None:
+    """to = A; an assignment to to[:] would allocate."""
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            to[i, j] = a[i, j]
+
+
+@kernel
 def apply(a: Matrix, x: Vector, y: Vector) -> None:
     """y = A x."""
     for i in range(a.shape[0]):

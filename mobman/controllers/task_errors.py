@@ -13,8 +13,8 @@ from mobman.kernels.dense import dot
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call, program
 from mobman.model.criterion import Criterion, Posture
-from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.extended_kernels import stack, task_rates
+from mobman.model.extended_steps import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.workspace import Workspace
 from mobman.tasks.task import Task, task_map_of, task_steps

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel
 from mobman.errors import UsageError
-from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call
 from mobman.model.mobile_manipulator import MobileManipulator
 
@@ -16,8 +17,9 @@ from mobman.model.mobile_manipulator import MobileManipulator
 class Criterion(Protocol):
     """An objective F(q) that the redundant degrees of freedom minimise, (10)-(12).
 
-    Optional: ``steps(q, q_dot, gradient, hessian, hessian_rate) -> list[Call]``, kernels that write the
-    same values into arrays (:mod:`mobman.kernels`); the methods below are called otherwise.
+    Optional: ``entry(q, q_dot, gradient, hessian, hessian_rate)``, which gives a function without
+    arguments that writes the same values into these arrays, for speed (:mod:`mobman.compiled`); the
+    methods below are called otherwise.
     """
 
     def value(self, q: Array) -> float:
@@ -37,6 +39,28 @@ class Criterion(Protocol):
         ...
 
 
+def criterion_entry(
+    criterion: Criterion,
+    q: Array,
+    q_dot: Array,
+    gradient: Array,
+    hessian: Array,
+    hessian_rate: Array,
+) -> Callable[[], None]:
+    """A function that writes g, H and H' at (q, q') into arrays."""
+    entry = getattr(criterion, "entry", None)
+    if entry is not None:
+        own: Callable[[], None] = entry(q, q_dot, gradient, hessian, hessian_rate)
+        return own
+
+    def evaluate() -> None:
+        gradient[:] = criterion.gradient(q.copy())
+        hessian[:] = criterion.hessian(q.copy())
+        hessian_rate[:] = criterion.hessian_rate(q.copy(), q_dot.copy())
+
+    return evaluate
+
+
 def criterion_steps(
     criterion: Criterion,
     q: Array,
@@ -46,17 +70,7 @@ def criterion_steps(
     hessian_rate: Array,
 ) -> list[Call]:
     """Steps of a program that write g, H and H' at (q, q') into arrays."""
-    steps = getattr(criterion, "steps", None)
-    if steps is not None:
-        own: list[Call] = steps(q, q_dot, gradient, hessian, hessian_rate)
-        return own
-
-    def evaluate() -> None:
-        gradient[:] = criterion.gradient(q.copy())
-        hessian[:] = criterion.hessian(q.copy())
-        hessian_rate[:] = criterion.hessian_rate(q.copy(), q_dot.copy())
-
-    return [call(evaluate)]
+    return [call(criterion_entry(criterion, q, q_dot, gradient, hessian, hessian_rate))]
 
 
 class Posture:
@@ -120,15 +134,15 @@ class Posture:
         """Zero, shape (nq, nq)."""
         return np.zeros_like(self._hessian)
 
-    def steps(
+    def entry(
         self, q: Array, q_dot: Array, gradient: Array, hessian: Array, hessian_rate: Array
-    ) -> list[Call]:
+    ) -> Callable[[], None]:
         """See :class:`Criterion`; H and H' are constant and written once, here."""
         hessian[:] = self._hessian
         hessian_rate[:] = 0.0
         if self._coupled:
-            return [call(_coupled_gradient, self._hessian, q, self.q_rest, gradient)]
-        return [call(_gradient, self._diagonal, q, self.q_rest, gradient)]
+            return bind(_coupled_gradient, self._hessian, q, self.q_rest, gradient)
+        return bind(_gradient, self._diagonal, q, self.q_rest, gradient)
 
 
 @kernel
@@ -140,7 +154,6 @@ def _gradient(diagonal: Vector, q: Vector, q_rest: Vector, gradient: Vector) -> 
 @kernel
 def _coupled_gradient(K: Matrix, q: Vector, q_rest: Vector, gradient: Vector) -> None:
     for i in range(q.shape[0]):
-        total = 0.0
+        gradient[i] = 0.0
         for j in range(q.shape[0]):
-            total += K[i, j] * (q[j] - q_rest[j])
-        gradient[i] = total
+            gradient[i] += K[i, j] * (q[j] - q_rest[j])

@@ -6,37 +6,47 @@ With :math:`j = [J_f; A\,0]`, :math:`g = \partial F/\partial q`, multipliers
 :math:`\dot f_a = \mathcal N (H + D)\dot q` when the orthonormal rows of :math:`\mathcal N` are
 carried along the motion by parallel transport,
 :math:`\dot{\mathcal N} = -\mathcal N \dot j^T (j^+)^T`.
+
+Sizes: s = m + k rows of j, nq coordinates, nz velocities, nz - m auxiliary coordinates.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import null_space
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Index, Matrix, Tensor, Vector
+from mobman.compiled import bind, kernel, sequence
 from mobman.errors import SingularityError
-from mobman.kernels.program import Call, Program, call, program
-from mobman.model.criterion import Criterion, criterion_steps
-from mobman.model.extended_kernels import (
-    GAUGE_LOST,
-    auxiliary_rates,
-    carry,
-    coordinates,
-    curvature,
-    curvature_rate,
-    factorise,
-    multipliers,
-    stack,
-    task_rates,
+from mobman.linalg import (
+    apply,
+    apply_transpose,
+    cholesky,
+    cholesky_solve,
+    copy,
+    dot,
+    gram,
+    multiply,
+    well_posed,
 )
+from mobman.model.criterion import Criterion, criterion_entry
+from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.task_map import TaskMap
-from mobman.model.workspace import Workspace
+from mobman.model.task_map import TaskMap, add_task_hessian, add_task_hessian_rate
+
+SINGULAR = 1
+"""Status: j has lost its rank."""
+GAUGE_LOST = 2
+"""Status: the complement is too far from ker j to be carried there."""
 
 _NO_DIRECTION = 1e-6  # singular value of N Proj_ker j below which a row's direction means nothing
+_NEWTON_SCHULZ = 1e-2  # |X X^T - I| below which the polar factor is found by iteration
+_ROUNDING = 1e-15  # |X X^T - I| of an orthonormal complement
+_QUADRATIC = 1e-8  # below it one iteration more leaves rounding only
 
 
 class ExtendedKinematics(NamedTuple):
@@ -54,6 +64,49 @@ class ExtendedKinematics(NamedTuple):
     """Orthonormal rows of ker j, the N of (11), shape (nz - m, nq)."""
 
 
+class Given(NamedTuple):
+    """The robot and the criterion at a state, see :class:`mobman.model.dynamics.Buffers`."""
+
+    platform_index: Index
+    arm_index: Index
+    tip: Vector
+    tip_jacobian: Matrix
+    tip_jacobian_rate: Matrix
+    A: Matrix
+    A_rate: Matrix
+    A_x: Tensor
+    A_x_rate: Tensor
+    N: Matrix
+    q_dot: Vector
+    C_dot_z: Vector
+    g: Vector
+    H: Matrix
+    H_rate: Matrix
+
+
+class Found(NamedTuple):
+    """What is computed of them."""
+
+    f: Vector
+    J: Matrix
+    J_dot_z: Vector
+    complement: Matrix
+    j: Matrix
+    j_rate: Matrix
+    lower: Matrix
+    """L of j j^T = L L^T, shape (s, s)."""
+    K: Matrix
+    """H + D(lam), shape (nq, nq)."""
+    K_rate: Matrix
+    """Its rate at fixed lam."""
+    rows: Matrix
+    """N Proj_ker j where the gauge is lost, else work space, shape (nz - m, nq)."""
+    defect: Matrix
+    """Work space, shape (nz - m, nz - m)."""
+    work: Matrix
+    """Work space, shape (4, nq)."""
+
+
 class ExtendedJacobian:
     """f, J and J' z along a motion, in memory that stays where it is; see the module.
 
@@ -61,10 +114,10 @@ class ExtendedJacobian:
         robot: The robot.
         task_map: f_e.
         criterion: F.
-        workspace: The robot's matrices at the state, if somebody computes them already.
+        buffers: The robot's matrices at the state, if somebody computes them already.
 
     Attributes:
-        workspace: The robot's matrices at the state.
+        buffers: The robot's matrices at the state.
         f: (f_e, f_a) of (13), shape (nz,).
         J: Shape (nz, nz).
         J_dot_z: Shape (nz,).
@@ -77,109 +130,62 @@ class ExtendedJacobian:
         robot: MobileManipulator,
         task_map: TaskMap,
         criterion: Criterion,
-        workspace: Workspace | None = None,
+        buffers: Buffers | None = None,
     ) -> None:
-        self.workspace = Workspace(robot) if workspace is None else workspace
-        self._robot, self._m, self._criterion = robot, task_map.m, criterion
-        m, nq, nz, s = task_map.m, robot.nq, robot.nz, task_map.m + robot.k
+        self.buffers = now = Buffers(robot) if buffers is None else buffers
+        self._criterion = criterion
+        nq, nz, m, s = robot.nq, robot.nz, task_map.m, task_map.m + robot.k
         self.f, self.J, self.J_dot_z = np.zeros(nz), np.zeros((nz, nz)), np.zeros(nz)
         self.complement = first_axes(nz - m, nq)
-        self._j, self._j_rate, self._lower = np.zeros((s, nq)), np.zeros((s, nq)), np.zeros((s, s))
-        self._projected = np.zeros((nz - m, nq))
-        self._g, self._H, self._H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
+        self._at = Given(
+            *(robot.platform_index, robot.arm_index),
+            *(now.tip, now.tip_jacobian, now.tip_jacobian_rate),
+            *(now.A, now.A_rate, now.A_x, now.A_x_rate, now.N, now.q_dot, now.C_dot_z),
+            *(np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))),
+        )
+        self._own = Found(
+            *(self.f, self.J, self.J_dot_z, self.complement),
+            *(np.zeros((s, nq)), np.zeros((s, nq)), np.zeros((s, s))),
+            *(np.zeros((nq, nq)), np.zeros((nq, nq))),
+            *(np.zeros((nz - m, nq)), np.zeros((nz - m, nz - m)), np.zeros((4, nq))),
+        )
 
-    def auxiliary_steps(self) -> list[Call]:
-        """f and what it takes, after the workspace's velocity steps and ``run_jacobians``.
+    @cached_property
+    def _coordinates(self) -> Callable[[], int]:
+        now, at = self.buffers, self._at
+        return sequence(
+            criterion_entry(self._criterion, now.q, now.q_dot, at.g, at.H, at.H_rate),
+            bind(coordinates, at, self._own),
+        )
 
-        Their status is to be given to :meth:`resolve` if it is not 0.
-        """
-        now, m, s = self.workspace, self._m, len(self._j)
-        defect, row = np.zeros((self._robot.nz - m,) * 2), np.zeros(s)
-        return [
-            *now.constraint_steps(),
-            *now.tip_steps(),
-            call(stack, now.tip_jacobian, now.A, self._j, m),
-            call(factorise, self._j, self._lower),
-            call(carry, self._j, self._lower, self.complement, self._projected, defect, row),
-            *criterion_steps(self._criterion, now.q, now.q_dot, self._g, self._H, self._H_rate),
-            call(coordinates, now.tip, self.complement, self._g, self.f, m),
-        ]
+    @cached_property
+    def _rates(self) -> Callable[[], None]:
+        return bind(rates, self._at, self._own)
 
-    def steps(self) -> list[Call]:
-        """f, J and J' z, as :meth:`auxiliary_steps`."""
-        now, robot, m, s = self.workspace, self._robot, self._m, len(self._j)
-        nq, nz = robot.nq, robot.nz
-        multiplier, total, total_rate = np.zeros(s), np.zeros((nq, nq)), np.zeros((nq, nq))
-        blocks = (robot.platform_index, robot.arm_index, now.N)
-        work = (np.zeros((nz - m, nq)), np.zeros(nq), np.zeros(nq), np.zeros(s), np.zeros(s))
-        return [
-            *self.auxiliary_steps(),
-            call(stack, now.tip_jacobian_rate, now.A_rate, self._j_rate, m),
-            call(multipliers, self._lower, self._j, self._g, multiplier),
-            call(
-                curvature,
-                self._H,
-                now.tip_jacobian,
-                robot.platform_index,
-                now.A_x,
-                multiplier,
-                m,
-                total,
-            ),
-            call(
-                curvature_rate,
-                self._H_rate,
-                now.tip_jacobian,
-                now.tip_jacobian_rate,
-                robot.platform_index,
-                now.A_x_rate,
-                multiplier,
-                m,
-                total_rate,
-            ),
-            call(
-                task_rates,
-                self._j,
-                self._j_rate,
-                *blocks,
-                now.q_dot,
-                now.C_dot_z,
-                m,
-                self.J,
-                self.J_dot_z,
-            ),
-            call(
-                auxiliary_rates,
-                self._lower,
-                self._j,
-                self._j_rate,
-                self.complement,
-                self._g,
-                multiplier,
-                total,
-                total_rate,
-                *blocks,
-                now.q_dot,
-                now.C_dot_z,
-                m,
-                self.J,
-                self.J_dot_z,
-                *work,
-            ),
-        ]
-
-    def resolve(self, status: int) -> None:
-        """Do what the steps could not, so that they can be run again.
+    def auxiliary(self) -> None:
+        """Fill f and the complement, after the buffers' ``constraints`` and ``tip_kinematics``.
 
         Raises:
             SingularityError: If j has lost its rank.
         """
-        if status == GAUGE_LOST:  # the first state, or one far from the last
-            self.complement[:] = _nearest_complement(self._j, self._projected)
-        else:
-            raise SingularityError(
-                "j j^T is singular to working precision: a kinematic singularity"
-            )
+        while status := self._coordinates():
+            if status != GAUGE_LOST:
+                raise SingularityError(
+                    "j j^T is singular to working precision: a kinematic singularity"
+                )
+            # the first state, or one far from the last
+            self.complement[:] = _nearest_complement(self._own.j, self._own.rows)
+
+    def update(self) -> None:
+        """Fill f, J and J' z, after the buffers' ``velocity`` and ``run_jacobians``.
+
+        Raises:
+            SingularityError: If j has lost its rank.
+        """
+        self.buffers.constraints()
+        self.buffers.tip_kinematics()
+        self.auxiliary()
+        self._rates()
 
     def at(self, q: Array, z: Array) -> None:
         """Compute f, J and J' z at (q, z).
@@ -187,18 +193,145 @@ class ExtendedJacobian:
         Raises:
             SingularityError: If j has lost its rank.
         """
-        now = self.workspace
+        now = self.buffers
         now.q[:] = q
         now.z[:] = z
-        velocity, everything = self._programs
-        velocity()
+        now.velocity()
         now.run_jacobians()
-        while status := everything():
-            self.resolve(status)
+        self.update()
 
-    @cached_property
-    def _programs(self) -> tuple[Program, Program]:
-        return program(self.workspace.velocity_steps()), program(self.steps())
+
+@kernel
+def coordinates(at: Given, own: Found) -> int:
+    """f = (f_e, f_a) of (13), on the rows of ker j that are nearest to those before."""
+    k = at.A.shape[0]
+    m = own.j.shape[0] - k
+    copy(at.tip_jacobian[:m], own.j)  # j = [J_f; A 0] under (11)
+    copy(at.A, own.j[m:])
+    gram(own.j, own.lower)  # j j^T = L L^T
+    if cholesky(own.lower, own.lower) != 0 or not well_posed(own.lower):
+        return SINGULAR
+    if carry(own.j, own.lower, own.complement, own.rows, own.defect, own.work[0]) != 0:
+        return GAUGE_LOST
+    for i in range(m):
+        own.f[i] = at.tip[i]
+    apply(own.complement, at.g, own.f[m:])  # f_a = N g (11)
+    return 0
+
+
+@kernel
+def rates(at: Given, own: Found) -> None:
+    """J of (13) and J' z, after :func:`coordinates`."""
+    g, j, j_rate, K, K_rate, N = at.g, own.j, own.j_rate, own.K, own.K_rate, own.complement
+    s = j.shape[0]
+    m = s - at.A.shape[0]
+    lam, lam_rate, transport = own.work[0, :s], own.work[1, :s], own.work[2, :s]
+    total = own.work[3]
+    copy(at.tip_jacobian_rate[:m], j_rate)
+    copy(at.A_rate, j_rate[m:])
+    # lam = -(j^+)^T g = -(j j^T)^-1 j g
+    apply(j, g, lam)
+    cholesky_solve(own.lower, lam, lam)
+    for i in range(s):
+        lam[i] = -lam[i]
+    # K = H + D(lam), and its rate at fixed lam
+    copy(at.H, K)
+    add_task_hessian(at.tip_jacobian, lam, m, K)
+    _add_constraint_hessian(at.platform_index, at.A_x, lam[m:], K)
+    copy(at.H_rate, K_rate)
+    add_task_hessian_rate(at.tip_jacobian, at.tip_jacobian_rate, lam, m, K_rate)
+    _add_constraint_hessian(at.platform_index, at.A_x_rate, lam[m:], K_rate)
+    # j_e = J_f C of (43), J_a = N K C
+    _times_C(j[:m], at, own.J[:m])
+    multiply(N, K, own.rows)
+    _times_C(own.rows, at, own.J[m:])
+    # J_e' z = J_f' q' + J_f C' z
+    for i in range(m):
+        own.J_dot_z[i] = dot(j_rate[i], at.q_dot) + dot(j[i], at.C_dot_z)
+    # N' K q' = -N j'^T transport, since N' = -N j'^T (j^+)^T
+    apply(K, at.q_dot, total)
+    apply(j, total, transport)
+    cholesky_solve(own.lower, transport, transport)
+    # lam' = -(j j^T)^-1 (j' (g + j^T lam) + j K q')
+    apply_transpose(j, lam, total)
+    for i in range(total.shape[0]):
+        total[i] += g[i]
+    apply(j_rate, total, lam_rate)
+    cholesky_solve(own.lower, lam_rate, lam_rate)
+    # D(lam') q' = j'^T lam'; with the transport above, both through j'^T
+    for i in range(s):
+        lam_rate[i] = -lam_rate[i] - 2.0 * transport[i]
+    apply_transpose(j_rate, lam_rate, total)
+    # J_a' z = N (K' q' + K C' z + D(lam') q') + N' K q'
+    for i in range(total.shape[0]):
+        total[i] += dot(K_rate[i], at.q_dot) + dot(K[i], at.C_dot_z)
+    apply(N, total, own.J_dot_z[m:])
+
+
+@kernel
+def carry(
+    j: Matrix, lower: Matrix, complement: Matrix, projected: Matrix, defect: Matrix, work: Vector
+) -> int:
+    r"""The orthonormal rows of ker j nearest to ``complement``: polar(N Proj_ker j), in its place.
+
+    Near the last configuration N N^T is I to second order in the step, and a few Newton-Schulz
+    iterations give the polar factor to working precision. GAUGE_LOST if it is not near.
+    """
+    rows, nq = complement.shape
+    row = work[: j.shape[0]]
+    for i in range(rows):
+        apply(j, complement[i], row)
+        cholesky_solve(lower, row, row)
+        apply_transpose(j, row, projected[i])
+        for c in range(nq):
+            projected[i, c] = complement[i, c] - projected[i, c]
+    for _ in range(4):
+        gram(projected, defect)
+        size = 0.0
+        for i in range(rows):
+            defect[i, i] -= 1.0
+            for k in range(rows):
+                size = max(size, abs(defect[i, k]))
+        if not size <= _NEWTON_SCHULZ:
+            return GAUGE_LOST
+        if size < _ROUNDING:
+            break
+        # X - (X X^T - I) X / 2
+        multiply(defect, projected, complement)
+        for i in range(rows):
+            for c in range(nq):
+                projected[i, c] -= 0.5 * complement[i, c]
+        if size < _QUADRATIC:
+            break
+    copy(projected, complement)
+    return 0
+
+
+@kernel
+def _add_constraint_hessian(
+    platform_index: Index, A_x: Tensor, multiplier: Vector, hessian: Matrix
+) -> None:
+    """Add d([A 0]^T lam_A)/dq, or its rate."""
+    k, l, _ = A_x.shape
+    for row in range(k):
+        for i in range(l):
+            for c in range(l):
+                entry = multiplier[row] * A_x[row, i, c]
+                hessian[platform_index[i], platform_index[c]] += entry
+
+
+@kernel
+def _times_C(rows: Matrix, at: Given, reduced: Matrix) -> None:
+    """rows C, for C = blkdiag(N, I) of (9)."""
+    l, p = at.N.shape
+    for i in range(rows.shape[0]):
+        for a in range(p):
+            entry = 0.0
+            for c in range(l):
+                entry += rows[i, at.platform_index[c]] * at.N[c, a]
+            reduced[i, a] = entry
+        for c in range(at.arm_index.shape[0]):
+            reduced[i, p + c] = rows[i, at.arm_index[c]]
 
 
 def extended_kinematics(

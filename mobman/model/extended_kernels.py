@@ -6,9 +6,9 @@ Sizes: s = m + k rows of j, nq coordinates, nz velocities, nz - m auxiliary coor
 from __future__ import annotations
 
 from mobman.arrays import Index, Matrix, Tensor, Vector
+from mobman.compiled import kernel
 from mobman.kernels import cholesky
 from mobman.kernels.dense import apply, apply_transpose, dot, gram, multiply
-from mobman.kernels.kernel import kernel
 
 SINGULAR = 1
 """Status: j has lost its rank."""

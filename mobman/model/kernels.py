@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mobman.arrays import Columns, Index, Matrix, Tensor, Vector
+from mobman.compiled import kernel
 from mobman.kernels.dense import dot
-from mobman.kernels.kernel import kernel
 
 
 @kernel

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from threading import local
 from typing import Any, NamedTuple
 
@@ -12,14 +11,13 @@ import pinocchio as pin
 
 from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import ModelError, UsageError
-from mobman.kernels.program import Program, program
-from mobman.model.limits import Limits, limits
+from mobman.model.dynamics import Buffers
 from mobman.model.platforms.platform import Platform
-from mobman.model.workspace import Workspace
 from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf.read import UrdfSources
 
 _WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+_NO_BOUND = 1e8  # joints without limits have some 1e9 in the model
 
 
 class Dynamics(NamedTuple):
@@ -53,6 +51,19 @@ class TipKinematics(NamedTuple):
     """dp/dq and d(angular velocity)/dq', shape (6, nq)."""
     jacobian_rate: Array
     """d/dt of ``jacobian`` along q', shape (6, nq)."""
+
+
+class Limits(NamedTuple):
+    """Bounds; inf where a URDF states none (0 or a very large number, by convention)."""
+
+    lower: Array
+    """Of q (m, rad), shape (nq,)."""
+    upper: Array
+    """Of q (m, rad), shape (nq,)."""
+    velocity: Array
+    """Of each entry of |z| alone (m/s, rad/s), shape (nz,)."""
+    torque: Array
+    """Of each entry of |v| alone (N, N m), shape (nz,)."""
 
 
 @dataclass(frozen=True)
@@ -176,15 +187,27 @@ class MobileManipulator:
 
     @property
     def limits(self) -> Limits:
-        """Bounds of q, z and the torques that the URDF states; simulation does not enforce them."""
-        base, q = self.platform.base_joints, self.q_rest  # at rest, where the steering is
+        """Bounds of q, z and the torques that the URDF states; simulation does not enforce them.
+
+        A joint of the platform that turns at N_ij for one of alpha_j bounds it by its own largest rate
+        over |N_ij|, and likewise B'' the torques.
+        """
+        # the coordinates that joints of the URDF move: all but the pose, on which no wheel depends
+        base, model = self.platform.base_joints, self.model
         joints = [i for i, name in enumerate(self.joint_names) if name not in base]
-        return limits(self.model, joints, self.velocity_map(q), self.actuation(q))
+        lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+        C, B = self.velocity_map(self.q_rest), self.actuation(self.q_rest)  # where the steering is
+        return Limits(
+            lower=np.where(lower < -_NO_BOUND, -np.inf, lower),
+            upper=np.where(upper > _NO_BOUND, np.inf, upper),
+            velocity=_least(model.velocityLimit[joints], np.abs(C)[joints]),
+            torque=_least(model.effortLimit[joints], np.abs(B)[joints]),
+        )
 
     @property
     def data(self) -> pin.Data:
         """See the class."""
-        return self._own.workspace.data
+        return self._own.data
 
     # Kinematics of the constraints -------------------------------------------------------------
 
@@ -274,7 +297,8 @@ class MobileManipulator:
         """
         now = self._at(q, z)
         now.run_dynamics()
-        self._own.dynamics()
+        now.inertia()
+        now.bias_terms()
         return Dynamics(M=now.M.copy(), bias=now.bias.copy(), B=now.B.copy())
 
     def motor_inertia(self, q: Array) -> Array:
@@ -321,7 +345,7 @@ class MobileManipulator:
         """
         now = self._at(q, z)
         now.run_jacobians()
-        self._own.tip()
+        now.tip_kinematics()
         return TipKinematics(
             position=now.tip.copy(),
             jacobian=now.tip_jacobian.copy(),
@@ -331,19 +355,29 @@ class MobileManipulator:
     # What the methods above work with ----------------------------------------------------------
 
     @property
-    def _own(self) -> _Own:
-        own: _Own | None = getattr(self._of_thread, "own", None)
+    def _own(self) -> Buffers:
+        """This thread's own buffers."""
+        own: Buffers | None = getattr(self._of_thread, "own", None)
         if own is None:  # made when needed: most copies of a robot are never evaluated here
-            own = self._of_thread.own = _Own(self)
+            own = self._of_thread.own = Buffers(self)
         return own
 
-    def _at(self, q: Array, z: Array) -> Workspace:
-        """This thread's own workspace at (q, z), its velocity terms computed."""
+    def _at(self, q: Array, z: Array) -> Buffers:
+        """This thread's own buffers at (q, z), their velocity terms computed."""
         own = self._own
-        own.workspace.q[:] = _vector("q", q, self.nq)
-        own.workspace.z[:] = _vector("z", z, self.nz)
+        own.q[:] = _vector("q", q, self.nq)
+        own.z[:] = _vector("z", z, self.nz)
         own.velocity()
-        return own.workspace
+        return own
+
+
+def _least(bounds: Array, per_entry: Array) -> Array:
+    """The least bound over the factor, for each column of factors; bounds that are none are left out."""
+    bounds = np.where((bounds <= 0.0) | (bounds > _NO_BOUND), np.inf, bounds)
+    with np.errstate(divide="ignore"):
+        ratios = np.where(per_entry > 0.0, bounds[:, None] / per_entry, np.inf)
+    least: Array = ratios.min(axis=0, initial=np.inf)
+    return least
 
 
 def _vector(name: str, value: Any, length: int) -> Array:
@@ -361,22 +395,3 @@ def _vector(name: str, value: Any, length: int) -> Array:
     if not np.isfinite(vector).all():
         raise UsageError(f"{name} = {vector.tolist()}; needed: {length} finite numbers")
     return vector
-
-
-class _Own:
-    """A workspace for a robot's methods in one thread, and the programs of these."""
-
-    def __init__(self, robot: MobileManipulator) -> None:
-        self.workspace = Workspace(robot)
-
-    @cached_property
-    def velocity(self) -> Program:
-        return program(self.workspace.velocity_steps())
-
-    @cached_property
-    def dynamics(self) -> Program:
-        return program([*self.workspace.inertia_steps(), *self.workspace.bias_steps()])
-
-    @cached_property
-    def tip(self) -> Program:
-        return program(self.workspace.tip_steps())

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import kernel
 from mobman.errors import UsageError
-from mobman.model.extended_kernels import add_task_hessian, add_task_hessian_rate
 from mobman.model.mobile_manipulator import TipKinematics
 
 
@@ -68,3 +68,57 @@ def task_map_for(dimension: int) -> TaskMap:
             f"a task's p_d has {dimension} components; allowed: 3 (tip position), 2 (its x and y)"
         )
     return TaskMap(tuple(range(dimension)))
+
+
+@kernel
+def add_task_hessian(jacobian: Matrix, multiplier: Vector, m: int, hessian: Matrix) -> None:
+    r"""Add d(J_f^T lam)/dq at fixed lam, shape (nq, nq), for a task of m tip coordinates.
+
+    Moving joint i turns everything behind it by w_i, so :math:`\partial v_j/\partial q_i = w_i \times
+    v_j` for i before j along the chain, and the Hessian is symmetric.
+
+    Args:
+        jacobian: Of the tip, columns (v, w), shape (6, nq).
+        multiplier: lam, at least m entries.
+        m: 3 or 2.
+        hessian: Shape (nq, nq).
+    """
+    a, b = multiplier[0], multiplier[1]
+    c = multiplier[2] if m > 2 else 0.0
+    for i in range(jacobian.shape[1]):
+        w0, w1, w2 = jacobian[3, i], jacobian[4, i], jacobian[5, i]
+        # lam . (w x v) = v . (lam x w)
+        u0, u1, u2 = b * w2 - c * w1, c * w0 - a * w2, a * w1 - b * w0
+        if u0 == 0.0 and u1 == 0.0 and u2 == 0.0:
+            continue
+        for j in range(i, jacobian.shape[1]):
+            entry = jacobian[0, j] * u0 + jacobian[1, j] * u1 + jacobian[2, j] * u2
+            hessian[i, j] += entry
+            if j > i:
+                hessian[j, i] += entry
+
+
+@kernel
+def add_task_hessian_rate(
+    jacobian: Matrix, rate: Matrix, multiplier: Vector, m: int, hessian_rate: Matrix
+) -> None:
+    """Add the rate of :func:`add_task_hessian` along q' at fixed lam; ``rate`` is the Jacobian's."""
+    a, b = multiplier[0], multiplier[1]
+    c = multiplier[2] if m > 2 else 0.0
+    for i in range(jacobian.shape[1]):
+        w0, w1, w2 = jacobian[3, i], jacobian[4, i], jacobian[5, i]
+        r0, r1, r2 = rate[3, i], rate[4, i], rate[5, i]
+        u0, u1, u2 = b * w2 - c * w1, c * w0 - a * w2, a * w1 - b * w0
+        d0, d1, d2 = b * r2 - c * r1, c * r0 - a * r2, a * r1 - b * r0
+        for j in range(i, jacobian.shape[1]):
+            entry = (
+                rate[0, j] * u0
+                + rate[1, j] * u1
+                + rate[2, j] * u2
+                + jacobian[0, j] * d0
+                + jacobian[1, j] * d1
+                + jacobian[2, j] * d2
+            )
+            hessian_rate[i, j] += entry
+            if j > i:
+                hessian_rate[j, i] += entry

@@ -17,8 +17,8 @@ from mobman.kernels.dense import dot
 from mobman.kernels.kernel import kernel
 from mobman.kernels.program import Call, call, program
 from mobman.model.criterion import Criterion, Posture
-from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.extended_kernels import GAUGE_LOST, SINGULAR
+from mobman.model.extended_steps import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.simulation.actuation import ActuationChain

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
-from mobman.kernels.kernel import kernel
+from mobman.compiled import kernel
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.paths import GAP, SHARE_OF_RADIUS, KernelPath, place_of
 from mobman.tasks.task import NOT_ZERO, parameter, tasks

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any
@@ -11,9 +11,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel
 from mobman.errors import UsageError
-from mobman.kernels.kernel import kernel, plain
-from mobman.kernels.program import Call, call
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import parameter
 
@@ -30,13 +29,13 @@ class KernelPath:
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
         """p_d and its first three derivatives at time t (s), each of shape (3,)."""
         p_d, (kernel, *arguments) = np.empty((4, 3)), self._kernel()
-        plain(kernel)(np.array([t]), *arguments, p_d)
+        kernel(np.array([t], dtype=float), *arguments, p_d)
         return (p_d[0], p_d[1], p_d[2], p_d[3])
 
-    def steps(self, t: Array, p_d: Array) -> list[Call]:
-        """See :func:`mobman.tasks.task.task_steps`."""
+    def entry(self, t: Array, p_d: Array) -> Callable[[], None]:
+        """See :func:`mobman.tasks.task.task_entry`."""
         kernel, *arguments = self._kernel()
-        return [call(kernel, t, *arguments, p_d)]
+        return bind(kernel, t, *arguments, p_d)
 
 
 @dataclass(frozen=True)

@@ -461,13 +461,13 @@ class SolutionLine:
         extended = self._extended
         extended.at(q, self._rest)
         missing = np.concatenate([target - extended.f[:3], -extended.f[3:]])
-        change: Array = extended.workspace.C @ np.linalg.solve(extended.J, missing)
+        change: Array = extended.buffers.C @ np.linalg.solve(extended.J, missing)
         return change
 
     def _orientation(self) -> float:
         """The sign of det J, made independent of the axes of f_a: that of det N (H + D) N^T."""
         J, now = self._extended.J, self._extended
-        regular = np.vstack([J[:3], now.complement @ now.workspace.C])
+        regular = np.vstack([J[:3], now.complement @ now.buffers.C])
         both, _ = np.linalg.slogdet(np.stack([J, regular]))
         return float(both[0] * both[1])
 

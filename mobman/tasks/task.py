@@ -31,8 +31,8 @@ class Task(Protocol):
     """A desired trajectory of the tip; any object with this method is one.
 
     Optional attributes: ``period`` (s), where the path closes, for the metric of repeatability;
-    ``duration`` (s), how long it is defined; ``name``, for records; ``steps(t, p_d) -> list[Call]``,
-    kernels that do the same as ``desired`` (:func:`task_steps`).
+    ``duration`` (s), how long it is defined; ``name``, for records; ``entry(t, p_d)``, which gives a
+    function without arguments that does the same as ``desired``, for speed (:func:`task_entry`).
     """
 
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
@@ -232,24 +232,29 @@ def _taken(factory: Callable[..., Any]) -> list[inspect.Parameter]:
 # Use of a task by others -------------------------------------------------------------------------------
 
 
-def task_steps(task: Task, t: Array, p_d: Array) -> list[Call]:
-    """Steps of a program that write p_d and its derivatives at a time into an array.
+def task_entry(task: Task, t: Array, p_d: Array) -> Callable[[], None]:
+    """A function that writes p_d and its derivatives at a time into an array.
 
     Args:
         task: The task.
-        t: The time (s), shape (1,); read when the steps run.
+        t: The time (s), shape (1,); read when the function is called.
         p_d: For the four vectors, shape (4, m).
     """
-    steps = getattr(task, "steps", None)
-    if steps is not None:
-        own: list[Call] = steps(t, p_d)
+    entry = getattr(task, "entry", None)
+    if entry is not None:
+        own: Callable[[], None] = entry(t, p_d)
         return own
 
     def desire() -> None:
         for row, part in enumerate(task.desired(float(t[0]))):
             p_d[row] = part
 
-    return [call(desire)]
+    return desire
+
+
+def task_steps(task: Task, t: Array, p_d: Array) -> list[Call]:
+    """The same as steps of a program."""
+    return [call(task_entry(task, t, p_d))]
 
 
 def task_map_of(task: Task) -> TaskMap:

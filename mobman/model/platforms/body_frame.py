@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Tensor, Vector
-from mobman.kernels.kernel import kernel
+from mobman.compiled import kernel
 from mobman.model.platforms.platform import Equations, Platform, Wheel
 from mobman.robots.urdf.compose import BASE_JOINTS
 

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import Field
 
 from mobman.arrays import Array, Matrix, Tensor, Vector
+from mobman.compiled import kernel
 from mobman.errors import SpecError
-from mobman.kernels.kernel import kernel
 from mobman.model.platforms.body import (
     Knuckle,
     WheeledBody,

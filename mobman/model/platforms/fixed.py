@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mobman.arrays import Matrix, Tensor, Vector
-from mobman.kernels.kernel import kernel
+from mobman.compiled import kernel
 from mobman.model.platforms.body import BASE_LINK, DECK, Body, body_urdf
 from mobman.model.platforms.platform import Equations, Platform, Site, platforms
 from mobman.toml_model import Strict, validate

@@ -13,7 +13,6 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.kernels.kernel import plain
 from mobman.registry import Registry
 from mobman.robots.urdf.compose import BASE_JOINTS
 
@@ -133,19 +132,19 @@ class Platform(ABC):
     def velocity_map(self, x: Array) -> Array:
         """N(x), shape (l, l-k)."""
         n = self._per_velocity()
-        plain(self.equations.velocity_map)(self.equations.parameters, x, n)
+        self.equations.velocity_map(self.equations.parameters, x, n)
         return n
 
     def velocity_map_rate(self, x: Array, x_dot: Array) -> Array:
         """dN/dt along x', shape (l, l-k)."""
         rate = self._per_velocity()
-        plain(self.equations.velocity_map_rate)(self.equations.parameters, x, x_dot, rate)
+        self.equations.velocity_map_rate(self.equations.parameters, x, x_dot, rate)
         return rate
 
     def actuation(self, x: Array) -> Array:
         """B''(x) of (16), shape (l, l-k)."""
         b = self._per_velocity()
-        plain(self.equations.actuation)(self.equations.parameters, x, b)
+        self.equations.actuation(self.equations.parameters, x, b)
         return b
 
     def constraint_hessian(self, x: Array, multiplier: Array) -> Array:
@@ -157,13 +156,13 @@ class Platform(ABC):
         l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
         rate = np.zeros((k, l, l))
         equations = self.equations
-        plain(equations.constraint_derivative_rate)(equations.parameters, x, x_dot, rate)
+        equations.constraint_derivative_rate(equations.parameters, x, x_dot, rate)
         return np.tensordot(multiplier, rate, axes=1)
 
     def _constraints(self, x: Array) -> tuple[Array, Array]:
         l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
         a, a_x = np.zeros((k, l)), np.zeros((k, l, l))
-        plain(self.equations.constraints)(self.equations.parameters, x, a, a_x)
+        self.equations.constraints(self.equations.parameters, x, a, a_x)
         return a, a_x
 
     def _per_velocity(self) -> Array:

@@ -1,0 +1,375 @@
+"""Kinematics (9) and reduced dynamics (17) at one state, from Pinocchio's matrices and the platform's.
+
+The paper's symbols: x and alpha are the platform's coordinates and quasi-velocities, N its velocity
+map (3), A its constraints (1), C = blkdiag(N, I) of (9), M' and B' the robot's inertia and actuation in
+the coordinates q (16), M and B those in z (17).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from mobman.arrays import Array, Columns, Index, Matrix, Tensor, Vector
+from mobman.compiled import bind, kernel, sequence
+from mobman.linalg import apply, dot
+from mobman.model.platforms.platform import Platform
+
+
+class Structure(Protocol):
+    """Model and indices of a :class:`mobman.model.mobile_manipulator.MobileManipulator`."""
+
+    model: pin.Model
+    platform: Platform
+    platform_index: Index
+    arm_index: Index
+    q_rest: Array
+    nq: int
+    nz: int
+    n_alpha: int
+    k: int
+    tip_frame: int
+    tip_offset: Array
+    tip_chain: Array
+
+
+class Buffers:
+    """Preallocated buffers for kinematics and dynamics at one state, and what fills them.
+
+    Whoever evaluates a robot at every tick owns one: it puts the state into ``q`` and ``z`` and calls
+    the functions below in the order that they need. Nothing is allocated and nothing is copied; results
+    are overwritten by the next state's. All that is written to belongs to the buffers, Pinocchio's
+    results included, and nothing to the robot: threads do not disturb each other.
+
+    Attributes:
+        data: Pinocchio's results at the state.
+        q, z: The state, shapes (nq,) and (nz,).
+        x, x_dot, alpha: The platform's part of q, q' and z, shapes (l,), (l,) and (l-k,).
+        N, N_rate: (3) and its rate, shape (l, l-k).
+        q_dot: C z, shape (nq,).
+        C: Shape (nq, nz).
+        C_dot_z: C' z, shape (nq,).
+        A, A_rate: [A 0] of (16) and its rate, shape (k, nq).
+        A_x, A_x_rate: Derivative of A by x, and its rate, shape (k, l, l).
+        M, bias, B: The reduced dynamics (17), shapes (nz, nz), (nz,), (nz, nz).
+        tip: Position of the tip (m), shape (3,).
+        tip_jacobian, tip_jacobian_rate: World axes, linear rows first, shape (6, nq).
+        run_dynamics: Pinocchio's part of ``inertia`` and ``bias_terms``; needs q and q_dot.
+        run_all: The same, leaving the joints' placements and Jacobians (not their rates) behind.
+        run_inertia: Pinocchio's part of ``inertia``; needs q.
+        run_jacobians: Pinocchio's part of ``tip_kinematics``; needs q and q_dot.
+    """
+
+    def __init__(self, robot: Structure) -> None:
+        l, p, k, nq, nz = len(robot.platform_index), robot.n_alpha, robot.k, robot.nq, robot.nz
+        self._robot = robot
+        self.q, self.z = robot.q_rest.copy(), np.zeros(nz)
+        self.x, self.x_dot, self.alpha = np.zeros(l), np.zeros(l), np.zeros(p)
+        self.N, self.N_rate = np.zeros((l, p)), np.zeros((l, p))
+        self.q_dot, self.C_dot_z, self.C = np.zeros(nq), np.zeros(nq), np.zeros((nq, nz))
+        self.platform_B, self.platform_A = np.zeros((l, p)), np.zeros((k, l))
+        self.A_x, self.A_x_rate = np.zeros((k, l, l)), np.zeros((k, l, l))
+        self.A, self.A_rate = np.zeros((k, nq)), np.zeros((k, nq))
+        self.M, self.bias, self.B = np.zeros((nz, nz)), np.zeros(nz), np.eye(nz)
+        self.tip, self.tip_jacobian = np.zeros(3), np.zeros((6, nq))
+        self.tip_jacobian_rate = np.zeros((6, nq))
+
+        model, q, q_dot = robot.model, self.q, self.q_dot  # local, since these run many times a tick
+        self.data = data = model.createData()
+        # Pinocchio's results where they are, instead of copies at every call
+        self.joint_inertia, self.nonlinear = data.M, data.nle
+        nonlinear_effects, crba = pin.nonLinearEffects, pin.crba
+        jacobians = pin.computeJointJacobiansTimeVariation
+        # In world axes crba computes placements and Jacobians on the way, but loses digits with the
+        # distance from the origin: 1e-12 at 30 m.
+        world = pin.Convention.WORLD
+
+        def run_dynamics() -> None:
+            nonlinear_effects(model, data, q, q_dot)
+            crba(model, data, q)
+
+        def run_all() -> None:
+            nonlinear_effects(model, data, q, q_dot)
+            crba(model, data, q, world)
+
+        def run_inertia() -> None:
+            crba(model, data, q)
+
+        def run_jacobians() -> None:
+            jacobians(model, data, q, q_dot)
+
+        self.run_dynamics, self.run_all = run_dynamics, run_all
+        self.run_inertia, self.run_jacobians = run_inertia, run_jacobians
+
+    @cached_property
+    def velocity(self) -> Callable[[], int]:
+        """Fills x, alpha, N, x_dot, N_rate, C, q_dot and C_dot_z, from q and z."""
+        index, equations = self._robot.platform_index, self._robot.platform.equations
+        x, x_dot, alpha, N, N_rate = self.x, self.x_dot, self.alpha, self.N, self.N_rate
+        return sequence(
+            bind(gather, index, self.q, self.z, x, alpha),
+            bind(equations.velocity_map, equations.parameters, x, N),
+            bind(apply, N, alpha, x_dot),
+            bind(equations.velocity_map_rate, equations.parameters, x, x_dot, N_rate),
+            bind(
+                assemble_velocity,
+                *(index, self._robot.arm_index, alpha, self.z, x_dot, N, N_rate),
+                *(self.q_dot, self.C, self.C_dot_z),
+            ),
+        )
+
+    @cached_property
+    def constraints(self) -> Callable[[], int]:
+        """Fills A and its derivatives, after ``velocity``."""
+        equations, x, x_dot = self._robot.platform.equations, self.x, self.x_dot
+        rate, parameters = equations.constraint_derivative_rate, equations.parameters
+        return sequence(
+            bind(equations.constraints, parameters, x, self.platform_A, self.A_x),
+            bind(rate, parameters, x, x_dot, self.A_x_rate),
+            bind(
+                assemble_constraints,
+                *(self._robot.platform_index, x_dot, self.platform_A, self.A_x),
+                *(self.A, self.A_rate),
+            ),
+        )
+
+    @cached_property
+    def actuation(self) -> Callable[[], None]:
+        """Fills the platform's B'', after ``velocity``."""
+        equations = self._robot.platform.equations
+        return bind(equations.actuation, equations.parameters, self.x, self.platform_B)
+
+    @cached_property
+    def inertia(self) -> Callable[[], int]:
+        """Fills M and B, after ``velocity`` and ``run_inertia`` or ``run_dynamics``."""
+        index, arm_index = self._robot.platform_index, self._robot.arm_index
+        given = (self.joint_inertia, index, arm_index, self.N, self.platform_B)
+        return sequence(self.actuation, bind(reduced_inertia, *given, self.M, self.B))
+
+    @cached_property
+    def bias_terms(self) -> Callable[[], None]:
+        """Fills the bias, after ``velocity`` and ``run_dynamics``."""
+        return bind(
+            reduced_bias,
+            *(self.joint_inertia, self.nonlinear),
+            *(self._robot.platform_index, self._robot.arm_index, self.N, self.C_dot_z, self.bias),
+        )
+
+    @cached_property
+    def tip_kinematics(self) -> Callable[[], None]:
+        """Fills the tip's position, Jacobian and rate, after ``velocity`` and ``run_jacobians``."""
+        robot, data = self._robot, self.data
+        placement = data.oMi[robot.model.frames[robot.tip_frame].parentJoint]
+        return bind(
+            tip_kinematics,
+            *(placement.rotation, placement.translation, robot.tip_offset, robot.tip_chain),
+            *(data.J, data.dJ, self.q_dot, self.tip, self.tip_jacobian, self.tip_jacobian_rate),
+        )
+
+
+@kernel
+def gather(platform_index: Index, q: Vector, z: Vector, x: Vector, alpha: Vector) -> None:
+    """x and alpha out of q and z = (alpha, y')."""
+    for i in range(x.shape[0]):
+        x[i] = q[platform_index[i]]
+    for i in range(alpha.shape[0]):
+        alpha[i] = z[i]
+
+
+@kernel
+def assemble_velocity(
+    platform_index: Index,
+    arm_index: Index,
+    alpha: Vector,
+    z: Vector,
+    x_dot: Vector,
+    N: Matrix,
+    N_rate: Matrix,
+    q_dot: Vector,
+    C: Matrix,
+    C_dot_z: Vector,
+) -> None:
+    """C = blkdiag(N, I) of (9), q' = C z and C' z, in q's order."""
+    p = alpha.shape[0]
+    for i in range(x_dot.shape[0]):
+        row = platform_index[i]
+        q_dot[row] = x_dot[i]
+        C_dot_z[row] = dot(N_rate[i], alpha)
+        for j in range(p):
+            C[row, j] = N[i, j]
+    for j in range(arm_index.shape[0]):
+        q_dot[arm_index[j]] = z[p + j]
+        C[arm_index[j], p + j] = 1.0
+
+
+@kernel
+def assemble_constraints(
+    platform_index: Index,
+    x_dot: Vector,
+    platform_A: Matrix,
+    A_x: Tensor,
+    A: Matrix,
+    A_rate: Matrix,
+) -> None:
+    """[A 0] of (16) and its rate, in q's order."""
+    for i in range(platform_A.shape[0]):
+        for j in range(x_dot.shape[0]):
+            A[i, platform_index[j]] = platform_A[i, j]
+            A_rate[i, platform_index[j]] = dot(A_x[i, j], x_dot)
+
+
+@kernel
+def symmetric(matrix: Columns, i: int, j: int) -> float:
+    """An entry of the symmetric matrix whose upper triangle is given: what crba writes."""
+    return matrix[i, j] if i <= j else matrix[j, i]
+
+
+@kernel
+def reduced_inertia(
+    inertia: Columns,
+    platform_index: Index,
+    arm_index: Index,
+    N: Matrix,
+    actuation: Matrix,
+    M: Matrix,
+    B: Matrix,
+) -> None:
+    """M = C^T M' C and B = C^T B' of (17), by blocks of C = blkdiag(N, I).
+
+    Args:
+        inertia: M', its upper triangle, shape (nq, nq).
+        platform_index: Where x is in q.
+        arm_index: Where y is in q, increasing.
+        N: Shape (l, l-k).
+        actuation: B'' of the platform, shape (l, l-k).
+        M: For the inertia, shape (nz, nz).
+        B: For the actuation, shape (nz, nz); its platform's block is written, the rest is that of I.
+    """
+    l, p = N.shape
+    n = arm_index.shape[0]
+    for a in range(p):
+        for b in range(p):
+            M[a, b] = 0.0
+            B[a, b] = 0.0
+            for i in range(l):
+                B[a, b] += N[i, a] * actuation[i, b]
+        for j in range(n):
+            M[a, p + j] = 0.0
+    for i in range(l):
+        row = platform_index[i]
+        for j in range(i + 1):
+            entry = symmetric(inertia, row, platform_index[j])
+            for a in range(p):
+                for b in range(p):
+                    M[a, b] += N[i, a] * entry * N[j, b]
+                    if i != j:
+                        M[a, b] += N[j, a] * entry * N[i, b]
+        for j in range(n):
+            entry = symmetric(inertia, row, arm_index[j])
+            for a in range(p):
+                M[a, p + j] += N[i, a] * entry
+    for j in range(n):
+        column = arm_index[j]
+        for a in range(p):
+            M[p + j, a] = M[a, p + j]
+        for i in range(j + 1):  # arm_index increases
+            entry = inertia[arm_index[i], column]
+            M[p + i, p + j] = entry
+            M[p + j, p + i] = entry
+
+
+@kernel
+def reduced_bias(
+    inertia: Columns,
+    nonlinear: Vector,
+    platform_index: Index,
+    arm_index: Index,
+    N: Matrix,
+    C_dot_z: Vector,
+    bias: Vector,
+) -> None:
+    """Pz + G = C^T (M' C' z + nonlinear) of (17); C' z has entries in the platform's rows only.
+
+    Args:
+        inertia: M', its upper triangle, shape (nq, nq).
+        nonlinear: Coriolis, centrifugal and gravity terms in q, shape (nq,).
+        platform_index: Where x is in q.
+        arm_index: Where y is in q.
+        N: Shape (l, l-k).
+        C_dot_z: C' z, shape (nq,).
+        bias: For the result, shape (nz,).
+    """
+    l, p = N.shape
+    for a in range(p):
+        bias[a] = 0.0
+    for i in range(l + arm_index.shape[0]):
+        row = platform_index[i] if i < l else arm_index[i - l]
+        entry = nonlinear[row]
+        for j in range(l):
+            column = platform_index[j]
+            entry += symmetric(inertia, row, column) * C_dot_z[column]
+        if i < l:
+            for a in range(p):
+                bias[a] += N[i, a] * entry
+        else:
+            bias[p + i - l] = entry
+
+
+@kernel
+def tip_kinematics(
+    rotation: Columns,
+    translation: Vector,
+    offset: Vector,
+    chain: Vector,
+    jacobian_origin: Columns,
+    rate_origin: Columns,
+    q_dot: Vector,
+    position: Vector,
+    jacobian: Matrix,
+    rate: Matrix,
+) -> None:
+    """The tip's position, and its Jacobian and the rate of that in world axes, linear rows first.
+
+    Pinocchio keeps the columns of all joints for a point at the world's origin: the tip's velocity is
+    v + w x p, its rate v' + w' x p + w x p', for the joints that carry it.
+
+    Args:
+        rotation: Of the joint that carries the tip, shape (3, 3).
+        translation: The same (m), shape (3,).
+        offset: The tip in that joint's axes (m), shape (3,).
+        chain: 1 for the joints that move the tip, else 0, shape (nq,).
+        jacobian_origin: Columns of all joints, shape (6, nq).
+        rate_origin: Their rates, shape (6, nq).
+        q_dot: Shape (nq,).
+        position: For p (m), shape (3,).
+        jacobian: For the result, shape (6, nq).
+        rate: For the result, shape (6, nq).
+    """
+    for i in range(3):
+        position[i] = translation[i]
+        for j in range(3):
+            position[i] += rotation[i, j] * offset[j]
+    x, y, z = position[0], position[1], position[2]
+    x_dot = y_dot = z_dot = 0.0
+    for j in range(chain.shape[0]):
+        on = chain[j]
+        w0, w1, w2 = jacobian_origin[3, j], jacobian_origin[4, j], jacobian_origin[5, j]
+        jacobian[0, j] = on * (jacobian_origin[0, j] + w1 * z - w2 * y)
+        jacobian[1, j] = on * (jacobian_origin[1, j] + w2 * x - w0 * z)
+        jacobian[2, j] = on * (jacobian_origin[2, j] + w0 * y - w1 * x)
+        jacobian[3, j], jacobian[4, j], jacobian[5, j] = on * w0, on * w1, on * w2
+        x_dot += jacobian[0, j] * q_dot[j]
+        y_dot += jacobian[1, j] * q_dot[j]
+        z_dot += jacobian[2, j] * q_dot[j]
+    for j in range(chain.shape[0]):
+        on = chain[j]
+        w0, w1, w2 = jacobian[3, j], jacobian[4, j], jacobian[5, j]
+        r0, r1, r2 = rate_origin[3, j], rate_origin[4, j], rate_origin[5, j]
+        rate[0, j] = on * (rate_origin[0, j] + r1 * z - r2 * y) + w1 * z_dot - w2 * y_dot
+        rate[1, j] = on * (rate_origin[1, j] + r2 * x - r0 * z) + w2 * x_dot - w0 * z_dot
+        rate[2, j] = on * (rate_origin[2, j] + r0 * y - r1 * x) + w0 * y_dot - w1 * x_dot
+        rate[3, j], rate[4, j], rate[5, j] = on * r0, on * r1, on * r2
