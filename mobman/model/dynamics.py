@@ -78,7 +78,11 @@ class Buffers:
         self.tip, self.tip_jacobian = np.zeros(3), np.zeros((6, nq))
         self.tip_jacobian_rate = np.zeros((6, nq))
 
-        model, q, q_dot = robot.model, self.q, self.q_dot  # local, since these run many times a tick
+        model, q, q_dot = (
+            robot.model,
+            self.q,
+            self.q_dot,
+        )  # local, since these run many times a tick
         self.data = data = model.createData()
         # Pinocchio's results where they are, instead of copies at every call
         self.joint_inertia, self.nonlinear = data.M, data.nle

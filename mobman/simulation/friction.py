@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from mobman.arrays import Array, Vector
-from mobman.kernels.kernel import kernel
-from mobman.kernels.program import Call, call
+from mobman.compiled import bind, kernel
 from mobman.simulation.disturbances import Amplitude
 from mobman.simulation.pieces import PACKAGE, Setting, Types
 
@@ -19,9 +18,9 @@ from mobman.simulation.pieces import PACKAGE, Setting, Types
 class Resistance(NamedTuple):
     """Friction of one run."""
 
-    step: Callable[[Array, Array], Call]
-    """Makes the step that subtracts the friction from the torques, both read in place: the axes' rates
-    B^T z (rad/s, m/s), and torques on the axes (N m, N), shapes (nz,)."""
+    entry: Callable[[Array, Array], Callable[[], None]]
+    """Gives a function that subtracts the friction from the torques, both read in place: the axes'
+    rates B^T z (rad/s, m/s), and torques on the axes (N m, N), shapes (nz,)."""
     slope: Array
     """The largest derivative of each axis' friction by its rate (N m s, N s/m), shape (nz,)."""
 
@@ -55,7 +54,7 @@ class Coulomb(FrictionLevel):
         """See :class:`Piece`."""
         level, velocity = self.torques(setting.inertia), self.velocity
         return Resistance(
-            lambda rate, torque: call(_coulomb, level, velocity, rate, torque), level / velocity
+            lambda rate, torque: bind(_coulomb, level, velocity, rate, torque), level / velocity
         )
 
 
@@ -66,7 +65,7 @@ class Viscous(FrictionLevel):
         """See :class:`Piece`."""
         coefficient = self.torques(setting.inertia)
         return Resistance(
-            lambda rate, torque: call(_viscous, coefficient, rate, torque), coefficient
+            lambda rate, torque: bind(_viscous, coefficient, rate, torque), coefficient
         )
 
 

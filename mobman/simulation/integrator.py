@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from copy import copy
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel, sequence
 from mobman.errors import SingularityError
-from mobman.kernels.kernel import kernel
-from mobman.kernels.program import Call, Program, call, program
 from mobman.simulation.actuation import ActuationChain
-from mobman.simulation.plant import Plant, require_success
+from mobman.simulation.plant import Forces, Plant, accelerate, require_success
 
 _LARGEST_STEP = 1e-3  # s: the plant's integration step is at most this
 
@@ -22,7 +21,51 @@ FASTEST = 1e4
 FARTHEST = 1e3
 """m: a task error beyond it has diverged."""
 
-_STATE, _DESIRED, _FAST, _FAR = 11, 12, 13, 14
+
+class Divergence(IntEnum):
+    """Why a state counts as diverged."""
+
+    NO = 0
+    STATE = 11
+    DESIRED = 12
+    FAST = 13
+    FAR = 14
+
+    def reason(self, z: Array, error: Array) -> str:
+        """The reason in words.
+
+        Args:
+            z: Reduced velocity, shape (nz,).
+            error: Task error (m), shape (m,).
+        """
+        return {
+            Divergence.NO: "",
+            Divergence.STATE: "the state is not finite",
+            Divergence.DESIRED: "the desired trajectory is not finite",
+            Divergence.FAST: f"|z| is {np.abs(z).max():.3g}, above {FASTEST:g}",
+            Divergence.FAR: f"|e^e| is {np.abs(error).max():.3g} m, above {FARTHEST:g} m",
+        }[self]
+
+
+class _Step(NamedTuple):
+    """A step of Runge-Kutta."""
+
+    h: Vector
+    """Its length (s), shape (1,)."""
+    q: Vector
+    """Where a slope is taken."""
+    z: Vector
+    q_0: Vector
+    """Where the step starts."""
+    z_0: Vector
+    q_slopes: Matrix
+    """Shape (4, nq)."""
+    z_slopes: Matrix
+    """Shape (4, nz)."""
+    power: Matrix
+    """Shape (4, 1)."""
+    work: Vector
+    """Shape (1,)."""
 
 
 class RungeKutta:
@@ -39,6 +82,7 @@ class RungeKutta:
         h: Length of a step (s).
 
     Attributes:
+        h: Length of the next step (s), shape (1,).
         work: Integral of z^T (B v - D) since the start (J), shape (1,).
     """
 
@@ -47,43 +91,19 @@ class RungeKutta:
         now, robot = plant.now, plant.robot
         now.q[:] = q
         now.z[:] = z
-        self.work = np.zeros(1)
-        self._start = now.q.copy(), now.z.copy()
-        self._slopes = np.zeros((4, robot.nq)), np.zeros((4, robot.nz)), np.zeros((4, 1))
-        self._run_dynamics = now.run_dynamics
-        self._dynamics = program(plant.dynamics_steps())
-        self._set_step(h)
-        program(now.velocity_steps())()
-
-    def of_step(self, h: float) -> RungeKutta:
-        """Another one on the same state, with steps of h (s)."""
-        other = copy(self)
-        other._set_step(h)
-        return other
-
-    def _set_step(self, h: float) -> None:
-        self._h = float(h)
-        plant, now = self.plant, self.plant.now
-        (q_0, z_0), (q_slopes, z_slopes, power) = self._start, self._slopes
-        stages: list[Program] = []
-        for i, fraction in enumerate((0.5, 0.5, 1.0, 0.0)):
-            slopes = [
-                *plant.friction_steps(),
-                plant.acceleration_step(z_slopes[i], power[i]),
-                *plant.motion_steps(q_slopes[i]),
-            ]
-            to_the_next = (
-                call(_go, q_0, z_0, q_slopes[i], z_slopes[i], fraction * self._h, now.q, now.z)
-                if i < 3
-                else call(
-                    _finish,
-                    *(q_0, z_0, q_slopes, z_slopes, power, self._h),
-                    *(now.q, now.z, self.work),
-                )
-            )
-            dynamics = plant.dynamics_steps() if i else []
-            stages.append(program([*dynamics, *slopes, to_the_next, *now.velocity_steps()]))
-        self._stages = stages
+        self.h, self.work = np.array([h], dtype=float), np.zeros(1)
+        step = _Step(
+            *(self.h, now.q, now.z, now.q.copy(), now.z.copy()),
+            *(np.zeros((4, robot.nq)), np.zeros((4, robot.nz)), np.zeros((4, 1)), self.work),
+        )
+        slopes = [bind(_slope, plant.forces, plant.q_dot, step, i) for i in range(4)]
+        motion = [plant.motion] if plant.slips else []
+        # at the start, the dynamics are evaluated
+        self._stages = [sequence(*motion, slopes[0], now.velocity)]
+        self._stages += [
+            sequence(plant.dynamics, *motion, slope, now.velocity) for slope in slopes[1:]
+        ]
+        now.velocity()
 
     def evaluate(self, t: float) -> None:
         """Evaluate the dynamics at the state and the time t (s).
@@ -93,7 +113,7 @@ class RungeKutta:
         """
         self.plant.now.run_dynamics()
         self.plant.disturb(t)
-        require_success(self._dynamics())
+        require_success(self.plant.dynamics())
 
     def step(self, t: float) -> None:
         """Go on from t to t + h under the plant's torque; the dynamics are evaluated at the state.
@@ -101,29 +121,20 @@ class RungeKutta:
         Raises:
             SingularityError: If M is not positive definite somewhere on the way.
         """
-        plant, run_dynamics = self.plant, self._run_dynamics
+        plant, run_dynamics = self.plant, self.plant.now.run_dynamics
         first, second, third, fourth = self._stages
         first()
         if plant.disturbed:
-            plant.disturb(t + 0.5 * self._h)
+            plant.disturb(t + 0.5 * self.h[0])
         run_dynamics()
         status = second()
         run_dynamics()
         status |= third()
         if plant.disturbed:
-            plant.disturb(t + self._h)
+            plant.disturb(t + self.h[0])
         run_dynamics()
         if status := status | fourth():
             require_success(status)
-
-
-class _Part(NamedTuple):
-    """A tick, or a part of one."""
-
-    state: RungeKutta
-    length: float
-    """s."""
-    steps: int
 
 
 class TickIntegrator:
@@ -152,14 +163,8 @@ class TickIntegrator:
         plant.require_followed(q0, dt / steps)
         self._plant, self._actuation = plant, actuation
         self._state = RungeKutta(plant, q0, np.zeros(plant.robot.nz), dt / steps)
-        self._first = _Part(self._state, dt, steps)
-        self._second: _Part | None = None
-        if actuation is not None and actuation.split:
-            self._first = self._part(actuation.split * dt)
-            self._second = self._part((1.0 - actuation.split) * dt)
-        self._runs_away = program(
-            [divergence_step(plant.now.q, plant.now.z, np.zeros(3), np.zeros((4, 3)))]
-        )
+        split = actuation.split if actuation is not None else 0.0
+        self._first, self._second = (split * dt, (1.0 - split) * dt) if split else (dt, 0.0)
 
     @property
     def work(self) -> float:
@@ -175,20 +180,18 @@ class TickIntegrator:
         Raises:
             SingularityError: If M is not positive definite somewhere on the way.
         """
-        first, second = self._first, self._second
-        diverged = self._integrate(first, t)
-        if second is not None and self._actuation is not None and diverged is None:
+        diverged = self._integrate(t, self._first)
+        if self._second and self._actuation is not None and diverged is None:
             self._plant.v[:] = self._actuation.late
-            return self._integrate(second, t + first.length, evaluated=False)
+            return self._integrate(t + self._first, self._second, evaluated=False)
         return diverged
 
-    def _part(self, length: float) -> _Part:
-        steps = _steps_of(length)
-        return _Part(self._state.of_step(length / steps), length, steps)
-
-    def _integrate(self, part: _Part, t: float, evaluated: bool = True) -> tuple[float, str] | None:
-        """Integrate a part that starts at t; the dynamics are evaluated at the state, or not yet."""
-        state, length, steps = part
+    def _integrate(
+        self, t: float, length: float, evaluated: bool = True
+    ) -> tuple[float, str] | None:
+        """Integrate a part of a tick that starts at t; the dynamics are evaluated, or not yet."""
+        state, steps = self._state, _steps_of(length)
+        state.h[0] = length / steps
         try:
             if not evaluated:
                 state.evaluate(t)
@@ -199,10 +202,11 @@ class TickIntegrator:
                 state.step(later)
         except SingularityError:
             # far and fast enough, rounding makes M indefinite before anything overflows
-            z = self._plant.now.z
-            if (reason := divergence_reason(self._runs_away(), z, np.zeros(3))) is None:
+            now, near = self._plant.now, np.zeros((4, 3))
+            found = Divergence(divergence(now.q, now.z, near[0], near))
+            if not found:
                 raise
-            return t + length, reason
+            return t + length, found.reason(now.z, near[0])
         return None
 
 
@@ -211,8 +215,9 @@ def _steps_of(length: float) -> int:
     return max(1, math.ceil(length / _LARGEST_STEP - 1e-9))
 
 
-def divergence_step(q: Array, z: Array, tip: Array, p_d: Array) -> Call:
-    """A step that reports a status if the state has diverged; see :func:`divergence_reason`.
+@kernel
+def divergence(q: Vector, z: Vector, tip: Vector, p_d: Matrix) -> int:
+    """A :class:`Divergence`.
 
     Args:
         q: Configuration, shape (nq,).
@@ -220,78 +225,44 @@ def divergence_step(q: Array, z: Array, tip: Array, p_d: Array) -> Call:
         tip: Position of the tip (m), shape (3,).
         p_d: The desired position in its first row, shape (4, m).
     """
-    return call(_diverged, q, z, tip, p_d)
-
-
-def divergence_reason(status: int, z: Array, error: Array) -> str | None:
-    """Meaning of a status of :func:`divergence_step`; None if it is not one of its own.
-
-    Args:
-        status: The status.
-        z: Reduced velocity, shape (nz,).
-        error: Task error (m), shape (m,).
-    """
-    return {
-        _STATE: "the state is not finite",
-        _DESIRED: "the desired trajectory is not finite",
-        _FAST: f"|z| is {np.abs(z).max():.3g}, above {FASTEST:g}",
-        _FAR: f"|e^e| is {np.abs(error).max():.3g} m, above {FARTHEST:g} m",
-    }.get(status)
-
-
-@kernel
-def _diverged(q: Vector, z: Vector, tip: Vector, p_d: Matrix) -> int:
     for i in range(q.shape[0]):
         if not math.isfinite(q[i]):
-            return _STATE
+            return Divergence.STATE
     for i in range(z.shape[0]):
         if not math.isfinite(z[i]):
-            return _STATE
+            return Divergence.STATE
     for i in range(p_d.shape[1]):
         if not math.isfinite(tip[i] - p_d[0, i]):
-            return _DESIRED
+            return Divergence.DESIRED
     for i in range(z.shape[0]):
         if abs(z[i]) > FASTEST:
-            return _FAST
+            return Divergence.FAST
     for i in range(p_d.shape[1]):
         if abs(tip[i] - p_d[0, i]) > FARTHEST:
-            return _FAR
-    return 0
+            return Divergence.FAR
+    return Divergence.NO
 
 
 @kernel
-def _go(
-    q_0: Vector, z_0: Vector, q_slope: Vector, z_slope: Vector, h: float, q: Vector, z: Vector
-) -> None:
-    """The state where the next slopes are taken."""
-    for i in range(q.shape[0]):
-        q[i] = q_0[i] + h * q_slope[i]
-    for i in range(z.shape[0]):
-        z[i] = z_0[i] + h * z_slope[i]
-
-
-@kernel
-def _finish(
-    q_0: Vector,
-    z_0: Vector,
-    q_slopes: Matrix,
-    z_slopes: Matrix,
-    power: Matrix,
-    h: float,
-    q: Vector,
-    z: Vector,
-    work: Vector,
-) -> None:
-    """The state a step later, from the four slopes; also where the next step starts."""
+def _slope(forces: Forces, q_dot: Vector, at: _Step, i: int) -> None:
+    """The slope of stage i, and the state where the next one is taken: after the last, the state a
+    step later, where the next step starts."""
+    h, q_0, z_0, k_q, k_z, w = at.h[0], at.q_0, at.z_0, at.q_slopes, at.z_slopes, at.power
+    accelerate(forces, k_z[i], w[i])
+    for r in range(q_0.shape[0]):
+        k_q[i, r] = q_dot[r]
+    if i < 3:
+        h = h if i == 2 else 0.5 * h
+        for r in range(q_0.shape[0]):
+            at.q[r] = q_0[r] + h * k_q[i, r]
+        for r in range(z_0.shape[0]):
+            at.z[r] = z_0[r] + h * k_z[i, r]
+        return
     sixth = h / 6.0
-    for i in range(q.shape[0]):
-        q_0[i] += sixth * (
-            q_slopes[0, i] + 2.0 * (q_slopes[1, i] + q_slopes[2, i]) + q_slopes[3, i]
-        )
-        q[i] = q_0[i]
-    for i in range(z.shape[0]):
-        z_0[i] += sixth * (
-            z_slopes[0, i] + 2.0 * (z_slopes[1, i] + z_slopes[2, i]) + z_slopes[3, i]
-        )
-        z[i] = z_0[i]
-    work[0] += sixth * (power[0, 0] + 2.0 * (power[1, 0] + power[2, 0]) + power[3, 0])
+    for r in range(q_0.shape[0]):
+        q_0[r] += sixth * (k_q[0, r] + 2.0 * (k_q[1, r] + k_q[2, r]) + k_q[3, r])
+        at.q[r] = q_0[r]
+    for r in range(z_0.shape[0]):
+        z_0[r] += sixth * (k_z[0, r] + 2.0 * (k_z[1, r] + k_z[2, r]) + k_z[3, r])
+        at.z[r] = z_0[r]
+    at.work[0] += sixth * (w[0, 0] + 2.0 * (w[1, 0] + w[2, 0]) + w[3, 0])

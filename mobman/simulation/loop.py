@@ -11,22 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mobman.arrays import Array, Index, Matrix, Vector
+from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.protocol import Controller
 from mobman.errors import MobmanError, SingularityError, UsageError
-from mobman.kernels.dense import dot
-from mobman.kernels.kernel import kernel
-from mobman.kernels.program import Call, call, program
+from mobman.linalg import dot
 from mobman.model.criterion import Criterion, Posture
-from mobman.model.extended_kernels import GAUGE_LOST, SINGULAR
-from mobman.model.extended_steps import ExtendedJacobian
+from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.simulation.actuation import ActuationChain
-from mobman.simulation.integrator import TickIntegrator, divergence_reason, divergence_step
-from mobman.simulation.plant import Plant, require_success
+from mobman.simulation.integrator import Divergence, TickIntegrator, divergence
+from mobman.simulation.plant import Plant, accelerate, require_success
 from mobman.simulation.record_file import APPLIED, OWN_PLACES
 from mobman.simulation.sensors import Measurement
-from mobman.tasks.task import Task, task_steps
+from mobman.tasks.task import Task, task_entry
 
 Observer = Callable[[float, Array, Array, Array], None]
 """Is given t (s), q, z and the torque at a tick; the arrays are its own."""
@@ -150,13 +148,9 @@ class Loop:
             self.samples.keep_applied()
         self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
         self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
-        self._look = program(self._looking())
-        self._evaluation = [
-            *self._looking(),
-            *plant.dynamics_steps(),
-            *plant.friction_steps(),
-            plant.acceleration_step(self._z_dot, np.zeros(1)),
-        ]
+        self._look = self._looking()
+        self._accelerate = bind(accelerate, plant.forces, self._z_dot, np.zeros(1))
+        self._auxiliary: Callable[[], object] | None = None
         self._report: Callable[[], dict[str, Any]] | None = getattr(controller, "signals", None)
 
     @property
@@ -203,20 +197,14 @@ class Loop:
         samples.torque[0], samples.compute_time[0] = plant.v, 0.0
         samples.count = 1
         self.controller.reset(self.robot, self.task, self.dt)
-        self._auxiliary = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
-        auxiliary_steps = [
-            *self._auxiliary.auxiliary_steps(),
-            call(_keep_from, self._tick, self._auxiliary.f, self.task_map.m, samples.auxiliary),
-        ]
-        self._keep_auxiliary = program(auxiliary_steps)
-        self._evaluate = program([*self._evaluation, *auxiliary_steps])
-        self._keep = program(
-            [
-                call(_keep_finite, self._tick, self._command, samples.torque),
-                *self._signal_steps(),
-            ]
+        extended = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
+        self._auxiliary = extended.auxiliary
+        m, signals = self.task_map.m, self._signal_entries()
+        self._keep_auxiliary = bind(_keep_from, self._tick, extended.f, m, samples.auxiliary)
+        self._keep = sequence(
+            bind(_keep_finite, self._tick, self._command, samples.torque), *signals
         )
-        self._resolve_auxiliary()
+        self._evaluate_auxiliary()
 
     def _go(self) -> None:
         """Tick by tick: look, control, integrate."""
@@ -224,6 +212,7 @@ class Loop:
         samples, plant, now = self.samples, self.plant, self.plant.now
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
         run_all, measure, step = now.run_all, self._measurement.take, self.controller.step
+        look, dynamics, accelerate = self._look, plant.dynamics, self._accelerate
         q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
         keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype
         keep_signals = self._keep_signals if self._report is not None else None
@@ -236,8 +225,14 @@ class Loop:
             run_all()
             if plant.disturbed:
                 plant.disturb(t)
-            if (status := self._evaluate()) and self._ends(t, status):
+            if status := look():
+                error = samples.tip[tick] - samples.desired[tick]
+                samples.diverged(t, Divergence(status).reason(z, error))
                 return
+            if status := dynamics():
+                require_success(status)
+            accelerate()
+            self._evaluate_auxiliary()
             q_now, z_now, measured = measure(q, z, z_dot)
             started = perf_counter()
             torque = step(t, q_now, z_now, measured)
@@ -261,8 +256,8 @@ class Loop:
             if self._progress is not None and tick % every == 0:
                 self._progress(tick / ticks)
 
-    def _signal_steps(self) -> list[Call]:
-        """The steps that keep a row of each signal, where they are overwritten in place."""
+    def _signal_entries(self) -> list[Callable[[], None]]:
+        """What keeps a row of each signal, where they are overwritten in place."""
         report = self._report
         if report is None or not getattr(self.controller, "signals_in_place", False):
             return []
@@ -271,7 +266,7 @@ class Loop:
         for name, value in report().items():
             rows = self.samples.rows_of_signal(name, value.shape)
             flat = (value.reshape(-1), 0, rows.reshape(len(rows), -1))
-            found.append(call(_keep_from, self._tick, *flat))
+            found.append(bind(_keep_from, self._tick, *flat))
         return found
 
     def _keep_signals(self, tick: int) -> None:
@@ -280,50 +275,33 @@ class Loop:
             for name, value in self._report().items():
                 self.samples.rows_of_signal(name, np.shape(value))[tick] = value
 
-    def _looking(self) -> list[Call]:
-        """The steps that keep a row of the state, or report why it counts as diverged."""
-        now, samples, p_d = self.plant.now, self.samples, np.zeros((4, self.task_map.m))
-        q_dot, moving = now.q_dot, []
-        if self.plant.slips:
-            q_dot = np.zeros_like(now.q_dot)
-            moving = self.plant.motion_steps(q_dot)
-        return [
-            *now.tip_steps(),
-            *now.constraint_steps(),
-            *task_steps(self.task, self._t, p_d),
-            call(
-                _keep,
+    def _looking(self) -> Callable[[], int]:
+        """What keeps a row of the state, or reports why it counts as diverged."""
+        plant, samples, p_d = self.plant, self.samples, np.zeros((4, self.task_map.m))
+        now = plant.now
+        return sequence(
+            now.tip_kinematics,
+            now.constraints,
+            task_entry(self.task, self._t, p_d),
+            plant.motion,
+            bind(
+                _look,
                 *(self._tick, now.q, now.z, now.tip, p_d),
                 *(samples.q, samples.z, samples.tip, samples.desired),
+                *(now.A, plant.q_dot, self._residual),
             ),
-            divergence_step(now.q, now.z, now.tip, p_d),
-            *moving,
-            call(_largest_residual, now.A, q_dot, self._residual),
-        ]
+        )
 
-    def _ends(self, t: float, status: int) -> bool:
-        """Decide on a status of the evaluation: True if the run ends with it.
-
-        Raises:
-            SingularityError: If the plant's inertia is not positive definite.
-        """
-        samples, tick = self.samples, self._tick[0]
-        if status in (GAUGE_LOST, SINGULAR):
-            self._resolve_auxiliary()
-            return False
-        error = samples.tip[tick] - samples.desired[tick]
-        if (reason := divergence_reason(status, self.plant.now.z, error)) is None:
-            require_success(status)
-        samples.diverged(t, str(reason))
-        return True
-
-    def _resolve_auxiliary(self) -> None:
-        """Keep a row of e^a whatever it takes; none any more from a kinematic singularity on."""
+    def _evaluate_auxiliary(self) -> None:
+        """Keep a row of e^a; none any more from a kinematic singularity on."""
+        if self._auxiliary is None:
+            return
         try:
-            while status := self._keep_auxiliary():
-                self._auxiliary.resolve(status)
+            self._auxiliary()
         except SingularityError:
-            self._evaluate = program(self._evaluation)
+            self._auxiliary = None
+        else:
+            self._keep_auxiliary()
 
     def _actuate(self, actuation: ActuationChain, tick: int) -> None:
         """Pass the command through the actuation, and keep what acts."""
@@ -350,7 +328,7 @@ def _checked_torque(torque: Any, like: Array) -> Array:
 
 
 @kernel
-def _keep(
+def _look(
     tick: Index,
     q: Vector,
     z: Vector,
@@ -360,8 +338,12 @@ def _keep(
     z_rows: Matrix,
     tip_rows: Matrix,
     desired_rows: Matrix,
-) -> None:
-    """Write the tick's row of what is kept."""
+    A: Matrix,
+    q_dot: Vector,
+    largest: Vector,
+) -> int:
+    """Write the tick's row of what is kept; a :class:`Divergence`. Until then, the largest entry of
+    A q' is kept, which should be rounding only."""
     row = tick[0]
     for i in range(q.shape[0]):
         q_rows[row, i] = q[i]
@@ -370,6 +352,11 @@ def _keep(
     for i in range(p_d.shape[1]):
         tip_rows[row, i] = tip[i]
         desired_rows[row, i] = p_d[0, i]
+    status = divergence(q, z, tip, p_d)
+    if status == 0:
+        for i in range(A.shape[0]):
+            largest[0] = max(largest[0], abs(dot(A[i], q_dot)))
+    return status
 
 
 @kernel
@@ -387,10 +374,3 @@ def _keep_from(tick: Index, vector: Vector, first: int, rows: Matrix) -> None:
     """Write the tick's row of a vector's entries from ``first`` on."""
     for i in range(rows.shape[1]):
         rows[tick[0], i] = vector[first + i]
-
-
-@kernel
-def _largest_residual(A: Matrix, q_dot: Vector, largest: Vector) -> None:
-    """The largest entry of A q' up to now; it should be rounding only."""
-    for i in range(A.shape[0]):
-        largest[0] = max(largest[0], abs(dot(A[i], q_dot)))

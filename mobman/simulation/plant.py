@@ -3,30 +3,43 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
-from mobman.arrays import Array, Index, Matrix, Vector
+from mobman.arrays import Array, Columns, Index, Matrix, Vector
+from mobman.compiled import bind, kernel, sequence
 from mobman.errors import SingularityError, SpecError
-from mobman.kernels import cholesky
-from mobman.kernels.dense import apply, apply_transpose, copy, dot
-from mobman.kernels.kernel import kernel
-from mobman.kernels.program import Call, Program, call, program
+from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, dot
+from mobman.model.dynamics import Buffers, reduced_bias, reduced_inertia
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.workspace import Workspace
 from mobman.simulation.disturbances import Torque
 from mobman.simulation.friction import Resistance
 from mobman.simulation.sensors import pose_index
 from mobman.simulation.slip import Slip
-
-_factor, _solve = cholesky.factor, cholesky.solve
 
 _LARGEST_DECAY = 2.5
 """Longest Runge-Kutta step, in time constants of the friction; it is stable to 2.78."""
 
 NOT_DEFINITE = 3
 """Status: the plant's inertia is not positive definite."""
+
+
+class Forces(NamedTuple):
+    """What z' of (17) is computed from."""
+
+    lower: Matrix
+    """L of M = L L^T, shape (nz, nz)."""
+    bias: Vector
+    B: Matrix
+    v: Vector
+    d: Vector
+    """What acts on the motors' axes besides v, D = -B d, shape (nz,)."""
+    z: Vector
+    total: Vector
+    """v + d, shape (nz,)."""
 
 
 class Plant:
@@ -41,6 +54,8 @@ class Plant:
     Attributes:
         now: The robot's matrices at the state.
         v: The motors' torque that acts, shape (nz,).
+        q_dot: The true q', shape (nq,): C z and the slip.
+        forces: What acts at the state.
         disturbed: Whether there is a disturbance.
         slips: Whether q' is not C z alone. The slip moves the platform and nothing else: (17) is that
             of rolling, and nothing in it depends on where a platform is on a floor.
@@ -54,24 +69,19 @@ class Plant:
         slip: Sequence[Slip] = (),
     ) -> None:
         self.robot = robot
-        self.now = Workspace(robot)
+        self.now = now = Buffers(robot)
         self.v = np.zeros(robot.nz)
         self.disturbed = disturbance is not None
         self._disturbance = disturbance
-        self._external = self._d = np.zeros(robot.nz)
+        self._external = d = np.zeros(robot.nz)
+        self._friction, self._slip = friction, slip if robot.platform.base_joints else ()
         if friction:
-            self._d = np.zeros(robot.nz)  # that of now: the external one less friction
-        self._rate = np.zeros(robot.nz)
-        self._slope = sum(part.slope for part in friction)
-        self._friction = [part.step(self._rate, self._d) for part in friction]
-        self._base = np.array(pose_index(robot), dtype=np.int64)
-        self._pose, self._rolling, self._slipping = place = np.zeros((3, 3))
-        self._slip = [step(*place) for step in slip] if len(self._base) else []
+            d = np.zeros(robot.nz)  # that of now: the external one less friction
         self.slips = bool(self._slip)
-        self._lower = np.zeros((robot.nz, robot.nz))
-        self._z_dot = np.zeros(robot.nz)
-        self._acceleration: Program | None = None
-        self._velocity = program(self.now.velocity_steps())
+        self.q_dot = np.zeros(robot.nq) if self.slips else now.q_dot
+        lower = np.zeros((robot.nz, robot.nz))
+        self.forces = Forces(lower, now.bias, now.B, self.v, d, now.z, np.zeros(robot.nz))
+        self._z_dot, self._power = np.zeros(robot.nz), np.zeros(1)
 
     def disturb(self, t: float) -> None:
         """Let the disturbance of time t (s) act."""
@@ -83,7 +93,8 @@ class Plant:
         if not self._friction:
             return 0.0
         m, _, b = self.robot.dynamics(q, np.zeros(self.robot.nz))
-        rates = np.linalg.eigvals(np.linalg.solve(m, b @ np.diag(self._slope) @ b.T))
+        slope = np.diag(sum(part.slope for part in self._friction))
+        rates = np.linalg.eigvals(np.linalg.solve(m, b @ slope @ b.T))
         return float(np.abs(rates).max())
 
     def require_followed(self, q: Array, h: float) -> None:
@@ -103,50 +114,40 @@ class Plant:
                 "the 'velocity' of Coulomb friction larger"
             )
 
-    def dynamics_steps(self) -> list[Call]:
-        """M, its factor, bias and B, after the workspace's velocity steps and ``run_dynamics``."""
-        now = self.now
-        return [
-            *now.inertia_steps(),
-            *now.bias_steps(),
-            call(_factorise, now.M, self._lower),
+    @cached_property
+    def dynamics(self) -> Callable[[], int]:
+        """Fills M, its factor, bias, B and what friction there is, after the buffers' ``velocity`` and
+        ``run_dynamics``. NOT_DEFINITE if M is not positive definite."""
+        now, robot, forces = self.now, self.robot, self.forces
+        entries = [
+            now.actuation,
+            bind(
+                _dynamics,
+                *(now.joint_inertia, now.nonlinear, robot.platform_index, robot.arm_index),
+                *(now.N, now.platform_B, now.C_dot_z, now.M, now.B, now.bias, forces.lower),
+            ),
         ]
-
-    def friction_steps(self) -> list[Call]:
-        """The friction at the state, after the dynamics' steps; none if there is none."""
-        if not self._friction:
-            return []
-        return [
+        if self._friction:
             # the axes' rates B^T z: by them the motors' torques v have the power z^T B v
-            call(apply_transpose, self.now.B, self.now.z, self._rate),
-            call(copy, self._external, self._d),
-            *self._friction,
-        ]
-
-    def motion_steps(self, q_dot: Array) -> list[Call]:
-        """The true q', shape (nq,): C z, and the slip; after the workspace's velocity steps."""
-        steps = [call(copy, self.now.q_dot, q_dot)]
-        if self._slip:
-            place = (self._pose, self._rolling, self._slipping)
-            steps += [
-                call(_look_at_pose, self._base, self.now.q, self.now.q_dot, *place),
-                *self._slip,
-                call(_add_slip, self._base, self._slipping, q_dot),
+            rate = np.zeros(robot.nz)
+            entries += [
+                bind(apply_transpose, now.B, now.z, rate),
+                partial(np.copyto, forces.d, self._external),
+                *(part.entry(rate, forces.d) for part in self._friction),
             ]
-        return steps
+        return sequence(*entries)
 
-    def acceleration_step(self, z_dot: Array, power: Array) -> Call:
-        """z' of (20) under the torques that act, and their power, after those of the friction.
-
-        Args:
-            z_dot: For the result, shape (nz,).
-            power: For z^T (B v - D) (W), shape (1,).
-        """
-        now = self.now
-        return call(
-            _accelerate,
-            *(self._lower, now.bias, now.B, self.v, self._d, now.z),
-            *(z_dot, power, np.zeros_like(self.v)),
+    @cached_property
+    def motion(self) -> Callable[[], int]:
+        """Fills the true q', after the buffers' ``velocity``."""
+        if not self.slips:
+            return sequence()
+        index = np.array(pose_index(self.robot), dtype=np.int64)
+        place = pose, rolling, slipping = np.zeros((3, 3))
+        return sequence(
+            bind(_look_at_pose, index, self.now.q, self.now.q_dot, *place),
+            *(entry(pose, rolling, slipping) for entry in self._slip),
+            bind(_add_slip, index, slipping, self.now.q_dot, self.q_dot),
         )
 
     def acceleration(self, t: float, q: Array, z: Array, torque: Array) -> Array:
@@ -160,17 +161,10 @@ class Plant:
         now.z[:] = z
         self.v[:] = torque
         self.disturb(t)
-        self._velocity()
+        now.velocity()
         now.run_dynamics()
-        if self._acceleration is None:
-            self._acceleration = program(
-                [
-                    *self.dynamics_steps(),
-                    *self.friction_steps(),
-                    self.acceleration_step(self._z_dot, np.zeros(1)),
-                ]
-            )
-        require_success(self._acceleration())
+        require_success(self.dynamics())
+        accelerate(self.forces, self._z_dot, self._power)
         return self._z_dot.copy()
 
 
@@ -184,9 +178,24 @@ def require_success(status: int) -> None:
 
 
 @kernel
-def _factorise(M: Matrix, lower: Matrix) -> int:
-    """The factor of M; not a number if M is not, so that a state that has diverged shows as that."""
-    if _factor(M, lower) == 0:
+def _dynamics(
+    inertia: Columns,
+    nonlinear: Vector,
+    platform_index: Index,
+    arm_index: Index,
+    N: Matrix,
+    platform_B: Matrix,
+    C_dot_z: Vector,
+    M: Matrix,
+    B: Matrix,
+    bias: Vector,
+    lower: Matrix,
+) -> int:
+    """M, B and Pz + G of (17), and the factor of M; not a number if M is not, so that a state that has
+    diverged shows as that."""
+    reduced_inertia(inertia, platform_index, arm_index, N, platform_B, M, B)
+    reduced_bias(inertia, nonlinear, platform_index, arm_index, N, C_dot_z, bias)
+    if cholesky(M, lower) == 0:
         return 0
     for i in range(M.shape[0]):
         for j in range(i + 1):
@@ -197,25 +206,15 @@ def _factorise(M: Matrix, lower: Matrix) -> int:
 
 
 @kernel
-def _accelerate(
-    lower: Matrix,
-    bias: Vector,
-    B: Matrix,
-    v: Vector,
-    d: Vector,
-    z: Vector,
-    z_dot: Vector,
-    power: Vector,
-    total: Vector,
-) -> None:
-    """M z' = B (v + d) - (Pz + G) of (17), with D = -B d; the last one is work space, shape (nz,)."""
-    for i in range(v.shape[0]):
-        total[i] = v[i] + d[i]
-    apply(B, total, z_dot)
-    power[0] = dot(z, z_dot)
-    for i in range(z.shape[0]):
-        z_dot[i] -= bias[i]
-    _solve(lower, z_dot, z_dot)
+def accelerate(at: Forces, z_dot: Vector, power: Vector) -> None:
+    """M z' = B (v + d) - (Pz + G) of (17), with D = -B d, and the power z^T (B v - D) (W)."""
+    for i in range(z_dot.shape[0]):
+        at.total[i] = at.v[i] + at.d[i]
+    apply(at.B, at.total, z_dot)
+    power[0] = dot(at.z, z_dot)
+    for i in range(z_dot.shape[0]):
+        z_dot[i] -= at.bias[i]
+    cholesky_solve(at.lower, z_dot, z_dot)
 
 
 @kernel
@@ -230,6 +229,9 @@ def _look_at_pose(
 
 
 @kernel
-def _add_slip(index: Index, slipping: Vector, q_dot: Vector) -> None:
+def _add_slip(index: Index, slipping: Vector, rolling: Vector, q_dot: Vector) -> None:
+    """q' = C z and the slip of the pose."""
+    for i in range(q_dot.shape[0]):
+        q_dot[i] = rolling[i]
     for i in range(index.shape[0]):
         q_dot[index[i]] += slipping[i]

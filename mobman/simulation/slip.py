@@ -9,13 +9,12 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from mobman.arrays import Array, Vector
-from mobman.kernels.kernel import kernel
-from mobman.kernels.program import Call, call
+from mobman.compiled import bind, kernel
 from mobman.simulation.pieces import PACKAGE, Piece, Setting, Types, some_given
 
-Slip = Callable[[Array, Array, Array], Call]
-"""Makes the step of one run that adds to the third: the pose (x1, x2, theta) (m, m, rad), its rate if
-the wheels roll (the pose's part of C z), and its rate by slip; shapes (3,), read in place."""
+Slip = Callable[[Array, Array, Array], Callable[[], None]]
+"""Gives a function that adds to the third: the pose (x1, x2, theta) (m, m, rad), its rate if the wheels
+roll (the pose's part of C z), and its rate by slip; shapes (3,), read in place."""
 
 slips = Types("slip type", PACKAGE)
 """Types of slip; each starts as a :data:`Slip`, or None."""
@@ -33,7 +32,7 @@ class Longitudinal(Piece):
         ratio = self.ratio
         if not ratio:
             return None
-        return lambda pose, rolling, slipping: call(_longitudinal, ratio, rolling, slipping)
+        return lambda pose, rolling, slipping: bind(_longitudinal, ratio, rolling, slipping)
 
 
 class Lateral(Piece):
@@ -54,7 +53,7 @@ class Lateral(Piece):
         tangent, velocity = math.tan(self.angle or 0.0), self.velocity or 0.0
         if tangent == velocity == 0.0:
             return None
-        return lambda *arrays: call(_lateral, tangent, velocity, *arrays)
+        return lambda *arrays: bind(_lateral, tangent, velocity, *arrays)
 
 
 @kernel

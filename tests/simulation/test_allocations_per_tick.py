@@ -13,8 +13,7 @@ from numba.core.runtime import rtsys
 
 import mobman as mm
 from mobman.arrays import Vector
-from mobman.kernels.kernel import kernel
-from mobman.kernels.program import call, program
+from mobman.compiled import bind, kernel
 from mobman.simulation import simulate
 
 LAWS = mm.list_controllers()
@@ -81,7 +80,7 @@ def _allocating(x: Vector) -> None:
 
 def test_kernel_that_would_allocate_does_not_compile():
     with pytest.raises(NumbaError, match="zeros"):
-        program([call(_allocating, np.zeros(1))])
+        bind(_allocating, np.zeros(1))
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -12,9 +12,8 @@ import mobman as mm
 from mobman.checks.closed_loop import CLOSE, gaps
 from mobman.checks.subject import Subject
 from mobman.errors import UsageError
-from mobman.kernels.program import program
 from mobman.tasks.paths import Harmonics, PointToPoint
-from mobman.tasks.task import make_task, task_steps
+from mobman.tasks.task import make_task, task_entry
 
 CLOSED = ["figure-eight", "ellipse", "square", "lissajous"]
 MADE = {
@@ -47,7 +46,7 @@ def test_derivatives(task):
 
 def test_steps_do_the_same(task):
     t, p_d = np.zeros(1), np.zeros((4, 3))
-    run = program(task_steps(task, t, p_d))
+    run = task_entry(task, t, p_d)
     for t[0] in (0.0, 0.7, 2.0, 3.3, 9.1, 21.0):
         assert run() == 0
         assert np.allclose(p_d, task.desired(t[0]), atol=1e-12)

@@ -7,8 +7,7 @@ import pytest
 
 import mobman as mm
 from mobman.errors import UnknownNameError, UsageError
-from mobman.kernels.program import program
-from mobman.tasks.task import task_map_of, task_steps
+from mobman.tasks.task import task_entry, task_map_of
 
 
 class Fixed:
@@ -37,7 +36,7 @@ def test_dimension_is_that_of_the_desired_point(m):
 
 def test_lists_will_do():
     p_d = np.zeros((4, 2))
-    assert program(task_steps(Fixed([1, 2], [3, 4], [5, 6], [7, 8]), np.zeros(1), p_d))() == 0
+    task_entry(Fixed([1, 2], [3, 4], [5, 6], [7, 8]), np.zeros(1), p_d)()
     assert p_d.tolist() == [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0]]
 
 
