@@ -5,12 +5,15 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.gains import (
     Diagonal,
     as_settings,
@@ -20,34 +23,34 @@ from mobman.controllers.gains import (
     require_positive_diagonal,
 )
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import (
-    ExtendedTaskSpace,
-    TaskSpace,
-    TipTaskSpace,
-    posture_criterion,
-)
+from mobman.controllers.task_errors import TaskSpace, desired, posture_criterion
 from mobman.errors import SingularityError
-from mobman.kernels import cholesky, lu
-from mobman.kernels.dense import apply, apply_transpose, gram
-from mobman.kernels.kernel import kernel
-from mobman.kernels.program import Call, call, program
-from mobman.model.criterion import criterion_steps
+from mobman.linalg import (
+    apply,
+    apply_transpose,
+    cholesky,
+    cholesky_solve,
+    dot,
+    gram,
+    solve,
+    well_posed,
+)
+from mobman.model.criterion import criterion_entry
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
 
-NO_INVERSE = 4
-"""Status: B has no inverse."""
-NO_ACCELERATION = 5
-"""Status: no acceleration does what the task asks for."""
+
+class Stop(IntEnum):
+    """Reason why there is no torque."""
+
+    NO_INVERSE = 1
+    NO_ACCELERATION = 2
+
 
 _REASONS = {
-    NO_INVERSE: "the actuation matrix B has no inverse",
-    NO_ACCELERATION: "the task's Jacobian is singular",
+    Stop.NO_INVERSE: "the actuation matrix B has no inverse",
+    Stop.NO_ACCELERATION: "the task's Jacobian is singular",
 }
-
-_solve = lu.solve
-_cholesky_factor, _cholesky_solve = cholesky.factor, cholesky.solve
-_well_posed = cholesky.well_posed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,55 +86,45 @@ class RedundancyGains(TrackingGains):
 class ResolvedAcceleration:
     """A law that chooses an acceleration z' and gives it to the nominal robot.
 
-    Subclasses say what errors it looks at (:meth:`task_space`) and what acceleration it wants
-    (:meth:`acceleration_steps`).
+    Subclasses say whether the task is the extended one of (13), and what acceleration they want
+    (:meth:`acceleration`).
     """
+
+    extended = False
 
     def __init__(self, gains: Any) -> None:
         self.gains = gains
 
     @abstractmethod
-    def task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
-        """The errors that the law drives to zero."""
-
-    @abstractmethod
-    def acceleration_steps(
+    def acceleration(
         self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> list[Call]:
-        """The steps that write the wanted acceleration, shape (nz,), once the errors are known."""
+    ) -> Callable[[], int]:
+        """A function that writes the wanted acceleration, shape (nz,), once the task space is filled;
+        0, or a :class:`Stop`."""
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again; the law's only state is the axes of e^a, where it has them."""
         self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
-        space = self.task_space(robot, task)
-        now, nz = space.workspace, robot.nz
-        wanted, force, work = np.zeros(nz), np.zeros(nz), np.zeros((nz, nz))
-        self._space, self._v = space, np.zeros(nz)
-        self._velocity = program(now.velocity_steps())
-        self._law = program(
-            [
-                *space.steps(),
-                *now.inertia_steps(),
-                *now.bias_steps(),
-                *self.acceleration_steps(robot, space, wanted),
-                call(computed_torque, now.M, now.bias, now.B, wanted, force, self._v, work),
-            ]
+        space = self._space = TaskSpace(robot, task, self.criterion if self.extended else None)
+        now, nz = space.now, robot.nz
+        z_dot, force, self._v = np.zeros((3, nz))
+        self._law = sequence(
+            now.inertia,
+            now.bias_terms,
+            self.acceleration(robot, space, z_dot),
+            bind(
+                computed_torque,
+                *(now.M, now.bias, now.B, z_dot, force, self._v, np.zeros((nz, nz))),
+            ),
         )
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque for the tick, shape (nz,); see :class:`Controller`."""
         space = self._space
-        now = space.workspace
-        now.q[:] = q
-        now.z[:] = z
-        space.t[0] = t
-        self._velocity()
-        now.run_jacobians()
-        now.run_dynamics()
-        while status := self._law():
-            if reason := _REASONS.get(status):
-                raise SingularityError(reason)
-            space.resolve(status)
+        space.at(t, q, z)
+        space.now.run_dynamics()
+        if stop := self._law():
+            raise SingularityError(_REASONS[Stop(stop)])
         return self._v.copy()
 
     def settings(self) -> dict[str, Any]:
@@ -141,17 +134,20 @@ class ResolvedAcceleration:
 
 @kernel
 def tracking_acceleration(
-    p_ddot: Vector,
-    e: Vector,
-    e_dot: Vector,
+    f: Vector,
+    J: Matrix,
     J_dot_z: Vector,
+    p_d: Matrix,
+    z: Vector,
     K_p: float,
     K_v: float,
     wanted: Vector,
 ) -> None:
     """The value wanted of J z': p_d'' - K_v e' - K_p e - J' z."""
     for i in range(wanted.shape[0]):
-        wanted[i] = p_ddot[i] - K_v * e_dot[i] - K_p * e[i] - J_dot_z[i]
+        e = f[i] - desired(p_d, 0, i)
+        e_dot = dot(J[i], z) - desired(p_d, 1, i)
+        wanted[i] = desired(p_d, 2, i) - K_v * e_dot - K_p * e - J_dot_z[i]
 
 
 @kernel
@@ -162,7 +158,7 @@ def computed_torque(
     apply(M, z_dot, force)
     for i in range(force.shape[0]):
         force[i] += bias[i]
-    return NO_INVERSE if _solve(B, force, v, work) != 0 else 0
+    return Stop.NO_INVERSE if solve(B, force, v, work) != 0 else 0
 
 
 class PseudoInverse(ResolvedAcceleration):
@@ -181,71 +177,64 @@ class PseudoInverse(ResolvedAcceleration):
     damping = 0.0
     """mu in j_e^T (j_e j_e^T + mu^2 I)^-1, which resolves the task's acceleration."""
 
-    def task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
-        """e = e^e: the tip's errors alone."""
-        return TipTaskSpace(robot, task)
-
-    def acceleration_steps(
+    def acceleration(
         self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> list[Call]:
+    ) -> Callable[[], int]:
         """See :class:`ResolvedAcceleration`."""
-        gains, now, errors = self.gains, space.workspace, space.errors
-        nq, nz, m = robot.nq, robot.nz, space.p
+        gains, now, nq, p = self.gains, space.now, robot.nq, space.p
         g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
-        wanted, descent = np.zeros(m), np.zeros(nz)
-        work = (np.zeros((m, m)), np.zeros((m, m)), np.zeros(m), np.zeros(nz))
-        return [
-            *criterion_steps(self.criterion, now.q, now.q_dot, g, H, H_rate),
-            call(
-                tracking_acceleration,
-                *(errors.p_ddot, errors.e, errors.e_dot, errors.J_dot_z),
-                *(float(gains.K_p), float(gains.K_v), wanted),
+        return sequence(
+            criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate),
+            bind(
+                least_norm_acceleration,
+                *(space.f, space.J, space.J_dot_z, space.p_d, now.z, now.C, g),
+                *map(float, (gains.K_p, gains.K_v, gains.k_0, gains.k_d, self.damping)),
+                *(z_dot, np.zeros(p), np.zeros(robot.nz), np.zeros((p, p)), np.zeros((p, p))),
             ),
-            call(_descent, now.C, g, now.z, float(gains.k_0), float(gains.k_d), descent),
-            call(_least_norm, errors.J, wanted, descent, float(self.damping), z_dot, *work),
-        ]
+        )
 
 
 @kernel
-def _descent(C: Matrix, g: Vector, z: Vector, k_0: float, k_d: float, descent: Vector) -> None:
-    """-k_0 C^T dF/dq - k_d z."""
+def least_norm_acceleration(
+    f: Vector,
+    J: Matrix,
+    J_dot_z: Vector,
+    p_d: Matrix,
+    z: Vector,
+    C: Matrix,
+    g: Vector,
+    K_p: float,
+    K_v: float,
+    k_0: float,
+    k_d: float,
+    mu: float,
+    z_dot: Vector,
+    wanted: Vector,
+    descent: Vector,
+    exact: Matrix,
+    damped: Matrix,
+) -> int:
+    """z' = j_e^T (j_e j_e^T + mu^2 I)^-1 wanted + (I - j_e^+ j_e) descent, with
+    j_e^+ = j_e^T (j_e j_e^T)^-1; the last four are work space."""
+    tracking_acceleration(f, J, J_dot_z, p_d, z, K_p, K_v, wanted)
+    gram(J, exact)
+    gram(J, damped)
+    for i in range(wanted.shape[0]):
+        damped[i, i] += mu**2
+    if cholesky(damped, damped) != 0 or cholesky(exact, exact) != 0 or not well_posed(exact):
+        return Stop.NO_ACCELERATION
+    cholesky_solve(damped, wanted, wanted)
+    apply_transpose(J, wanted, z_dot)
+    # descent = -k_0 C^T dF/dq - k_d z, and what the task must not see of it
     apply_transpose(C, g, descent)
     for i in range(z.shape[0]):
         descent[i] = -k_0 * descent[i] - k_d * z[i]
-
-
-@kernel
-def _least_norm(
-    J: Matrix,
-    wanted: Vector,
-    descent: Vector,
-    mu: float,
-    z_dot: Vector,
-    exact: Matrix,
-    damped: Matrix,
-    row: Vector,
-    column: Vector,
-) -> int:
-    """z' = j_e^T (j_e j_e^T + mu^2 I)^-1 wanted + (I - j_e^+ j_e) descent, with
-    j_e^+ = j_e^T (j_e j_e^T)^-1. The last four are work space: shapes (m, m), (m, m), (m,), (nz,)."""
-    gram(J, exact)
-    for i in range(exact.shape[0]):
-        for j in range(exact.shape[1]):
-            damped[i, j] = exact[i, j]
-        damped[i, i] += mu**2
-    if (
-        _cholesky_factor(damped, damped) != 0
-        or _cholesky_factor(exact, exact) != 0
-        or not _well_posed(exact)
-    ):
-        return NO_ACCELERATION
-    _cholesky_solve(damped, wanted, row)
-    apply_transpose(J, row, z_dot)
-    apply(J, descent, row)
-    _cholesky_solve(exact, row, row)
-    apply_transpose(J, row, column)
-    for i in range(z_dot.shape[0]):
-        z_dot[i] += descent[i] - column[i]
+        z_dot[i] += descent[i]
+    apply(J, descent, wanted)
+    cholesky_solve(exact, wanted, wanted)
+    apply_transpose(J, wanted, descent)
+    for i in range(z.shape[0]):
+        z_dot[i] -= descent[i]
     return 0
 
 
@@ -309,31 +298,37 @@ class ExtendedJacobianControl(ResolvedAcceleration):
 
     name = "extended-jacobian"
     Gains = ExtendedGains
+    extended = True
 
-    def task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
-        """e = (e^e, e^a) of (13)."""
-        return ExtendedTaskSpace(robot, task, self.criterion)
-
-    def acceleration_steps(
+    def acceleration(
         self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> list[Call]:
+    ) -> Callable[[], int]:
         """See :class:`ResolvedAcceleration`."""
-        gains, errors, nz = self.gains, space.errors, robot.nz
-        wanted = np.zeros(nz)
-        return [
-            call(
-                tracking_acceleration,
-                *(errors.p_ddot, errors.e, errors.e_dot, errors.J_dot_z),
-                *(float(gains.K_p), float(gains.K_v), wanted),
-            ),
-            call(_inverse, errors.J, wanted, z_dot, np.zeros((nz, nz))),
-        ]
+        nz = robot.nz
+        return bind(
+            inverse_acceleration,
+            *(space.f, space.J, space.J_dot_z, space.p_d, space.now.z),
+            *(float(self.gains.K_p), float(self.gains.K_v)),
+            *(z_dot, np.zeros(nz), np.zeros((nz, nz))),
+        )
 
 
 @kernel
-def _inverse(J: Matrix, wanted: Vector, z_dot: Vector, work: Matrix) -> int:
-    """z' = J^-1 wanted."""
-    return NO_ACCELERATION if _solve(J, wanted, z_dot, work) != 0 else 0
+def inverse_acceleration(
+    f: Vector,
+    J: Matrix,
+    J_dot_z: Vector,
+    p_d: Matrix,
+    z: Vector,
+    K_p: float,
+    K_v: float,
+    z_dot: Vector,
+    wanted: Vector,
+    work: Matrix,
+) -> int:
+    """z' = J^-1 wanted; the last two are work space."""
+    tracking_acceleration(f, J, J_dot_z, p_d, z, K_p, K_v, wanted)
+    return Stop.NO_ACCELERATION if solve(J, wanted, z_dot, work) != 0 else 0
 
 
 controllers.register(ExtendedJacobianControl.name, ExtendedJacobianControl)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.task_errors import ErrorsAlong, TaskSpace
+from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import SingularityError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
@@ -58,13 +58,12 @@ def jacobian_bound(robot: MobileManipulator, task: Task, space: TaskSpace) -> fl
     """
     none = np.zeros(robot.nz)
     least = math.inf
-    errors = ErrorsAlong(space)
     for t, q in [(0.0, robot.q_rest), *sampled_states(robot, task)]:
         try:
-            jacobian = errors.at(t, q, none).J
+            space.at(t, q, none)
         except SingularityError:
             continue  # (15) supposes that such configurations are not met
-        least = min(least, float(np.linalg.svd(jacobian, compute_uv=False)[-1] ** 2))
+        least = min(least, float(np.linalg.svd(space.J, compute_uv=False)[-1] ** 2))
     return max(_MARGIN * least, _FLOOR) if math.isfinite(least) else _FLOOR
 
 

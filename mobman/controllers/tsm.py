@@ -1,87 +1,364 @@
 """The terminal sliding mode laws: ``tsm`` (34)-(35) and (55)-(56), ``tsm-simplified`` (43)-(44) and
 (55)-(56), ``tsm-inverse-actuation`` (34)-(35) and (65)-(66).
+
+A kinematic stage makes of the task errors a reference acceleration, v_ref' = J^T u_ref; a dynamic
+stage makes z' follow v_ref, v' = B^T u or B^-1 u. All that a tick computes is :func:`sliding_law`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+import math
+from collections import namedtuple
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from fractions import Fraction
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel
 from mobman.controllers.bounds import actuation_bound, inertia_bound, jacobian_bound
-from mobman.controllers.dynamic_stage import NO_INVERSE, DynamicGains, DynamicStage
 from mobman.controllers.gains import (
+    Auto,
     Diagonal,
     as_settings,
+    diagonal,
     gain,
+    odd_ratio,
+    require_at_least_one,
+    require_bound,
     require_choice,
     require_not_negative,
     require_positive,
     require_positive_diagonal,
 )
-from mobman.controllers.kinematic_stage import KinematicGains, KinematicStage
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import (
-    ExtendedTaskSpace,
-    TaskSpace,
-    TipTaskSpace,
-    posture_criterion,
-)
-from mobman.controllers.unit_vector import DISCRETIZATIONS, NOT_DEFINITE, Discretization
-from mobman.errors import SingularityError, UsageError
-from mobman.kernels.program import program
+from mobman.controllers.task_errors import TaskSpace, desired, posture_criterion
+from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
+from mobman.errors import SingularityError
+from mobman.linalg import apply_transpose, dot, gram, norm, solve
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
 
-_REASONS = {
-    NOT_DEFINITE: "the nominal inertia M is not positive definite",
-    NO_INVERSE: "the actuation matrix B has no inverse",
-}
+_MIXED = "mixed, see docs/theory.md"
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlidingGains(KinematicGains, DynamicGains):
-    """Gains of both stages, and how they are sampled."""
+class SlidingGains:
+    """Gains of both stages, and how they are sampled; defaults are the paper's, section 4, but for
+    ``a`` and ``A``."""
 
+    lambda_0: Diagonal = gain(1.0, _MIXED, "lambda_0 of (31)")
+    lambda_1: Diagonal = gain(11.0, _MIXED, "lambda_1 of (31)")
+    lambda_2: Diagonal = gain(6.0, _MIXED, "lambda_2 of (31)")
+    c: float = gain(2.0, "1", "c of (34), at least 1")
+    c_0: float = gain(1.0, "m/s^3", "c_0 of (34)")
+    a: float | Auto = gain("auto", "1", "lower bound of lambda_min(J J^T), (22)")
+    w_1: float = gain(1.5, "1", "bound of |J|, |dJ/dq|, |d2J/dq2|, (21)")
+    w_2: float = gain(0.001, "rad^-1", "growth of that bound with |q - q_rest|, (21)")
+    w_3k: float = gain(2.0, "1", "factor of |v_ref||z| in W, (34)")
+    w_4k: float = gain(3.0, "1", "factor of |z|^3 in W, (34)")
+    Lambda_0: Diagonal = gain(11.0, _MIXED, "Lambda_0 of (51)")
+    Lambda_1: Diagonal = gain(6.0, _MIXED, "Lambda_1 of (51)")
+    alpha_1: Fraction | float | str = gain("3/5", "1", "n1/n2 of (51), both odd, n1 < n2 < 2 n1")
+    C: float = gain(2.0, "1", "C of (55), at least 1")
+    C_0: float = gain(1.0, "N m/s", "C_0 of (55)")
+    A: float | Auto = gain("auto", "1", "lower bound of lambda_min(B B^T), (54), or A' of (64)")
+    w_3: float = gain(3.0, "rad^-1", "factor of |v||z| in chi, (53)")
+    w_4: float = gain(9.0, "kg m^2", "factor of |z|^3 in chi, (53)")
+    w_5: float = gain(12.0, "N m/rad", "factor of |z| + |z| beta_0 in chi, (53)")
+    w_6: float = gain(0.0, "1", "factor of beta_1 in chi, (53)")
+    w_7: float = gain(
+        6.0, "kg m^2", "factor of |Lambda_0 E^a1 + Lambda_1 E'^a2 - v_ref'| in chi, (53)"
+    )
+    w_8: float = gain(0.011, "kg m^2", "factor of |z||S| in chi, (53)")
+    w_9: float = gain(6.0, "kg m^2", "factor of |z||z'| in chi, (53)")
+    beta_0: float = gain(0.0, "N m", "bound of |D|, (18)")
+    beta_1: float = gain(0.0, "N m/s", "bound of |D'|, (18)")
     c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
     K_F: Diagonal | None = gain(
         None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
     )
-    discretization: Discretization = gain("implicit", "", "of the unit vectors: implicit, explicit")
+    discretization: Literal["implicit", "explicit"] = gain(
+        "implicit", "", "of the unit vectors: implicit, explicit"
+    )
     boundary_layer: float = gain(
         0.0, "that of s, of S", "width in which s/|s| becomes s/width; 0: none"
     )
     metric_scale: float = gain(1.0, "1", "factor of the nominal M in the implicit form's metric")
 
     def __post_init__(self) -> None:
-        KinematicGains.__post_init__(self)
-        DynamicGains.__post_init__(self)
-        require_positive(self, "c_F", "metric_scale")
-        require_not_negative(self, "boundary_layer")
-        require_choice(self, "discretization", DISCRETIZATIONS)
+        require_positive_diagonal(self, "lambda_0", "lambda_1", "lambda_2", "Lambda_0", "Lambda_1")
+        require_positive(self, "c_0", "w_1", "w_2", "w_3k", "w_4k", "C_0", "c_F", "metric_scale")
+        require_not_negative(self, "w_3", "w_4", "w_5", "w_6", "w_7", "w_8", "w_9")
+        require_not_negative(self, "beta_0", "beta_1", "boundary_layer")
+        require_at_least_one(self, "c", "Theorem 1")
+        require_at_least_one(self, "C", "Theorem 2")
+        require_bound(self, "a", "0 < a <= lambda_min(J J^T) (22)")
+        require_bound(self, "A", "0 < A <= lambda_min(B B^T) (54)")
+        require_choice(self, "discretization", ("implicit", "explicit"))
+        object.__setattr__(self, "alpha_1", odd_ratio("alpha_1", self.alpha_1))
         if self.K_F is not None:
             require_positive_diagonal(self, "K_F")
 
 
-class CascadedSlidingControl:
-    """A kinematic stage that gives v_ref and a dynamic stage that makes z' follow it.
+# The law as the paper has it --------------------------------------------------------------------------
 
-    Subclasses say which task errors the first stage drives to zero (:meth:`task_space`) and whether
-    the second uses the actuation matrix's transpose or its inverse (``inverse_actuation``).
+_NOT_IN_THE_LAW = {"lambda_0", "lambda_1", "c_F", "K_F", "discretization"}
+_DERIVED = ["lambda_0_97", "lambda_1_35", "alpha_2", "implicit", "inverse", "dt"]
+InForce: Any = namedtuple(  # type: ignore[misc]  # SlidingGains says what is in it
+    "InForce",
+    [field.name for field in fields(SlidingGains) if field.name not in _NOT_IN_THE_LAW] + _DERIVED,
+)
+"""The gains as numbers, diagonals as vectors; lambda_0^(9/7), lambda_1^(3/5) and alpha_2; the period."""
+
+
+class Stage(NamedTuple):
+    """A sliding variable of p components and its unit vector."""
+
+    s: Vector
+    """s of (31), or S of (51)."""
+    integral: Vector
+    """Integral of g."""
+    g: Vector
+    """Integrand in s."""
+    drift: Vector
+    """s' without control, but for what W or chi bounds."""
+    n: Vector
+    """The unit vector."""
+    metric: Matrix
+    gram: Matrix
+    """See :func:`implicit_unit_vector`."""
+    b: Vector
+    work: Matrix
+
+    @classmethod
+    def of(cls, p: int) -> Stage:
+        """A stage with an empty integral, and I for the metric."""
+        s, integral, g, drift, n, b = np.zeros((6, p))
+        square, work = np.zeros((p, p)), np.zeros((p + 2, p))
+        return cls(s, integral, g, drift, n, np.eye(p), square, b, work)
+
+
+class Held(NamedTuple):
+    """What the law integrates, and over the tick with what rates; shapes (nz,)."""
+
+    integral_v_ref: Vector
+    v_ref: Vector
+    v_ref_dot: Vector
+    v: Vector
+    v_dot: Vector
+
+
+class Stop(IntEnum):
+    """Reason why there is no torque."""
+
+    NOT_DEFINITE = 1
+    NO_INVERSE = 2
+
+
+_REASONS = {
+    Stop.NOT_DEFINITE: "the nominal inertia M is not positive definite",
+    Stop.NO_INVERSE: "the actuation matrix B has no inverse",
+}
+
+
+@kernel
+def sliding_law(
+    k: Any,
+    kinematic: Stage,
+    dynamic: Stage,
+    held: Held,
+    f: Vector,
+    J: Matrix,
+    J_dot_z: Vector,
+    p_d: Matrix,
+    q: Vector,
+    q_rest: Vector,
+    z: Vector,
+    z_dot: Vector,
+    M: Matrix,
+    B: Matrix,
+) -> int:
+    """From the state at a tick's start to the torque v that is held over it; 0, or a :class:`Stop`."""
+    stop = kinematic_stage(k, kinematic, held, f, J, J_dot_z, p_d, q, q_rest, z)
+    if stop == 0:
+        stop = dynamic_stage(k, dynamic, held, z, z_dot, M, B)
+    if stop == 0:
+        integrate(k.dt, kinematic, dynamic, held)
+    return stop
+
+
+@kernel
+def kinematic_stage(
+    k: Any,
+    stage: Stage,
+    held: Held,
+    f: Vector,
+    J: Matrix,
+    J_dot_z: Vector,
+    p_d: Matrix,
+    q: Vector,
+    q_rest: Vector,
+    z: Vector,
+) -> int:
+    """v_ref' = J^T u_ref (35) of u_ref (34); (43) of (44) where f and J are the tip's."""
+    s, g, v_ref = stage.s, stage.g, held.v_ref
+    for i in range(s.shape[0]):
+        # errors of (26), the second derivative along the reference
+        e = f[i] - desired(p_d, 0, i)
+        e_dot = dot(J[i], z) - desired(p_d, 1, i)
+        e_ddot = dot(J[i], v_ref) + J_dot_z[i] - desired(p_d, 2, i)
+        # s and the integrand g in it (31)
+        bracket = power(e_dot, 9 / 7) + k.lambda_0_97[i] * e
+        g[i] = k.lambda_2[i] * (power(e_ddot, 3 / 5) + k.lambda_1_35[i] * power(bracket, 1 / 3))
+        s[i] = e_ddot + stage.integral[i]
+        stage.drift[i] = g[i] - desired(p_d, 3, i)
+    # W under (34), with the bound of (21)
+    size_z, deviation = norm(z), 0.0
+    for i in range(q.shape[0]):
+        deviation += (q[i] - q_rest[i]) ** 2
+    bound = k.w_1 + k.w_2 * math.sqrt(deviation)
+    W = norm(stage.drift) + bound * (k.w_3k * norm(v_ref) * size_z + k.w_4k * size_z**3)
+    # u_ref = -c/a (W + c_0) n (34)
+    gain = k.c / k.a * (W + k.c_0)
+    gram(J, stage.gram)
+    if not unit_vector(k, stage, gain):
+        return Stop.NOT_DEFINITE
+    apply_transpose(J, stage.n, held.v_ref_dot)
+    for i in range(v_ref.shape[0]):
+        held.v_ref_dot[i] *= -gain
+    return 0
+
+
+@kernel
+def dynamic_stage(
+    k: Any, stage: Stage, held: Held, z: Vector, z_dot: Vector, M: Matrix, B: Matrix
+) -> int:
+    """v' = B^T u (56) of u (55), or B^-1 u (65) of u (66)."""
+    S, G = stage.s, stage.g
+    nz = S.shape[0]
+    for i in range(nz):
+        E = z[i] - held.integral_v_ref[i]  # (45)
+        E_dot = z_dot[i] - held.v_ref[i]
+        # S and the integrand G in it (51)
+        G[i] = k.Lambda_0[i] * power(E, k.alpha_1) + k.Lambda_1[i] * power(E_dot, k.alpha_2)
+        S[i] = E_dot + stage.integral[i]
+        stage.drift[i] = G[i] - held.v_ref_dot[i]
+    # chi under (53)
+    size_z = norm(z)
+    chi = (
+        k.w_3 * norm(held.v) * size_z
+        + k.w_4 * size_z**3
+        + k.w_5 * (size_z + size_z * k.beta_0)
+        + k.w_6 * k.beta_1
+        + k.w_7 * norm(stage.drift)
+        + k.w_8 * size_z * norm(S)
+        + k.w_9 * size_z * norm(z_dot)
+    )
+    # u = -C/A (chi + C_0) n (55); the inverse takes M^-1 n away from S, the transpose M^-1 B B^T n
+    gain = k.C / k.A * (chi + k.C_0)
+    if not k.inverse:
+        gram(B, stage.gram)
+    for i in range(nz):
+        for j in range(nz):
+            stage.metric[i, j] = k.metric_scale * M[i, j]
+            if k.inverse:
+                stage.gram[i, j] = 1.0 if i == j else 0.0
+    if not unit_vector(k, stage, gain):
+        return Stop.NOT_DEFINITE
+    if not k.inverse:
+        apply_transpose(B, stage.n, held.v_dot)
+    elif solve(B, stage.n, held.v_dot, stage.work) != 0:
+        return Stop.NO_INVERSE
+    for i in range(nz):
+        held.v_dot[i] *= -gain
+    return 0
+
+
+@kernel
+def unit_vector(k: Any, stage: Stage, gain: float) -> bool:
+    """n of a stage, whose ``gram`` is not yet multiplied by dt times the gain; False: no metric."""
+    if not k.implicit:
+        explicit_unit_vector(stage.s, k.boundary_layer, stage.n)
+        return True
+    for i in range(stage.s.shape[0]):
+        stage.b[i] = stage.s[i] + k.dt * stage.drift[i]
+        for j in range(stage.s.shape[0]):
+            stage.gram[i, j] *= k.dt * gain
+    return implicit_unit_vector(
+        stage.metric, stage.gram, stage.b, k.boundary_layer, stage.n, stage.work
+    )
+
+
+@kernel
+def integrate(dt: float, kinematic: Stage, dynamic: Stage, held: Held) -> None:
+    """Advance all integrals over the tick, in which v_ref' and v' are constant."""
+    for i in range(kinematic.g.shape[0]):
+        kinematic.integral[i] += dt * kinematic.g[i]
+    for i in range(dynamic.g.shape[0]):
+        dynamic.integral[i] += dt * dynamic.g[i]
+        held.integral_v_ref[i] += dt * held.v_ref[i] + 0.5 * dt**2 * held.v_ref_dot[i]
+        held.v_ref[i] += dt * held.v_ref_dot[i]
+        held.v[i] += dt * held.v_dot[i]
+
+
+@kernel
+def power(x: float, exponent: float) -> float:
+    """sign(x) |x|^exponent: the paper's odd roots."""
+    return math.copysign(math.pow(abs(x), exponent), x)
+
+
+def in_force(
+    gains: SlidingGains, p: int, nz: int, dt: float, a: float, A: float, inverse: bool
+) -> Any:
+    """The gains of p task errors and nz velocities, with the bounds (22) and (54) or (64).
+
+    Raises:
+        GainError: If a gain has the wrong length.
     """
+    alpha_1 = float(Fraction(gains.alpha_1))
+    values: dict[str, Any] = dict(
+        vars(gains),
+        a=a,
+        A=A,
+        lambda_0_97=diagonal("lambda_0", gains.lambda_0, p) ** (9 / 7),
+        lambda_1_35=diagonal("lambda_1", gains.lambda_1, p) ** (3 / 5),
+        lambda_2=diagonal("lambda_2", gains.lambda_2, p),
+        Lambda_0=diagonal("Lambda_0", gains.Lambda_0, nz),
+        Lambda_1=diagonal("Lambda_1", gains.Lambda_1, nz),
+        alpha_1=alpha_1,
+        alpha_2=2.0 * alpha_1 / (1.0 + alpha_1),
+        implicit=gains.discretization == "implicit",
+        inverse=inverse,
+        dt=dt,
+    )
+    if inverse:  # chi' of (66)
+        values["w_7"], values["w_8"] = 1.0, 0.0
+    numbers = (values[name] for name in InForce._fields)
+    return InForce(*(x if isinstance(x, (bool, np.ndarray)) else float(x) for x in numbers))
 
-    inverse_actuation = False
+
+# The controllers --------------------------------------------------------------------------------------
+
+
+class TerminalSlidingMode:
+    """Kinematic stage on the extended Jacobian's transpose, v_ref' = J^T u_ref (34)-(35); dynamic
+    stage on the actuation matrix's transpose, v' = B^T u (55)-(56)."""
+
+    name = "tsm"
+    Gains = SlidingGains
     signals_in_place = True
+    extended = True
+    """True if e = (e^e, e^a) of (13) is driven to zero, the tip's errors and the criterion's
+    transversality conditions; False if it is e^e alone."""
+    inverse_actuation = False
+    """True if the dynamic stage uses B^-1, (65)-(66)."""
 
     def __init__(self, gains: SlidingGains) -> None:
         self.gains = gains
         self._settings: dict[str, Any] = as_settings(gains)
-
-    def task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
-        """The errors that the kinematic stage drives to zero."""
-        raise UsageError(f"{type(self).__name__} does not say what its task space is")
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again with v = 0, v_ref = 0 and empty integrals; "auto" bounds are found here.
@@ -89,62 +366,32 @@ class CascadedSlidingControl:
         Raises:
             GainError: If a gain has the wrong length for the robot.
         """
-        gains = self.gains
-        self.criterion = posture_criterion(robot, gains.c_F, gains.K_F)
-        a, bound = self._bounds(robot, task)
-        self._settings = {**as_settings(gains), "a": a, "A": bound}
-        space = self.task_space(robot, task)
-        kinematic = KinematicStage(
-            gains, a, space.errors, dt, gains.discretization, gains.boundary_layer
-        )
-        dynamic = DynamicStage(
-            gains,
-            bound,
-            robot.nz,
-            dt,
-            inverse=self.inverse_actuation,
-            discretization=gains.discretization,
-            boundary_layer=gains.boundary_layer,
-            metric_scale=gains.metric_scale,
-        )
-        now = space.workspace
-        self._space, self._now = space, now
-        self._kinematic, self._dynamic = kinematic, dynamic
-        self._z_dot = np.zeros(robot.nz)
-        self._velocity = program(now.velocity_steps())
-        self._law = program(
-            [
-                *space.steps(),
-                *now.inertia_steps(),
-                *kinematic.steps(now.q, robot.q_rest, now.z),
-                *dynamic.steps(
-                    now.z,
-                    self._z_dot,
-                    kinematic.integral_v_ref,
-                    kinematic.v_ref,
-                    kinematic.v_ref_dot,
-                    now.M,
-                    now.B,
-                ),
-                *kinematic.advance_steps(),
-            ]
+        self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
+        space = self._space = self._task_space(robot, task)
+        a, A = self._bounds(robot, task)
+        self._settings = as_settings(self.gains) | {"a": a, "A": A}
+        now, nz = space.now, robot.nz
+        self._now, self._z_dot = now, np.zeros(nz)
+        self._kinematic, self._dynamic = Stage.of(space.p), Stage.of(nz)
+        self._held = Held(*np.zeros((5, nz)))
+        self._law = bind(
+            sliding_law,
+            in_force(self.gains, space.p, nz, dt, a, A, self.inverse_actuation),
+            *(self._kinematic, self._dynamic, self._held),
+            *(space.f, space.J, space.J_dot_z, space.p_d),
+            *(now.q, robot.q_rest, now.z, self._z_dot, now.M, now.B),
         )
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque v for the tick, shape (nz,); see :class:`Controller`."""
         now = self._now
-        now.q[:] = q
-        now.z[:] = z
-        self._z_dot[:] = z_dot
-        self._space.t[0] = t
-        self._velocity()
-        now.run_jacobians()
+        self._space.at(t, q, z)
         now.run_inertia()
-        while status := self._law():
-            if reason := _REASONS.get(status):
-                raise SingularityError(reason)
-            self._space.resolve(status)
-        return self._dynamic.v.copy()
+        now.inertia()
+        self._z_dot[:] = z_dot
+        if stop := self._law():
+            raise SingularityError(_REASONS[Stop(stop)])
+        return self._held.v.copy()
 
     def settings(self) -> dict[str, Any]:
         """The gains; after :meth:`reset`, with the numbers that "auto" became."""
@@ -152,50 +399,29 @@ class CascadedSlidingControl:
 
     def signals(self) -> dict[str, Array]:
         """The sliding variables of the last tick: s of (31) and S of (51)."""
-        return {"sliding/s": self._kinematic.s, "sliding/S": self._dynamic.S}
+        return {"sliding/s": self._kinematic.s, "sliding/S": self._dynamic.s}
+
+    def _task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
+        return TaskSpace(robot, task, self.criterion if self.extended else None)
 
     def _bounds(self, robot: MobileManipulator, task: Task) -> tuple[float, float]:
-        a, bound = self.gains.a, self.gains.A
+        a, A = self.gains.a, self.gains.A
         if isinstance(a, str):
-            a = jacobian_bound(robot, task, self.task_space(robot, task))
-        if isinstance(bound, str):
-            bound = (
-                inertia_bound(robot, task)
-                if self.inverse_actuation
-                else actuation_bound(robot, task, self.gains.w_7)
-            )
-        return a, bound
+            a = jacobian_bound(robot, task, self._task_space(robot, task))
+        if isinstance(A, str) and self.inverse_actuation:
+            A = inertia_bound(robot, task)
+        elif isinstance(A, str):
+            A = actuation_bound(robot, task, self.gains.w_7)
+        return a, A
 
 
-class TerminalSlidingMode(CascadedSlidingControl):
-    """Kinematic stage on the extended Jacobian's transpose, v_ref' = J^T u_ref (34)-(35); dynamic
-    stage on the actuation matrix's transpose, v' = B^T u (55)-(56)."""
-
-    name = "tsm"
-    Gains = SlidingGains
-
-    def task_space(self, robot: MobileManipulator, task: Task) -> ExtendedTaskSpace:
-        """e = (e^e, e^a) of (13): the tip's errors and the criterion's transversality conditions."""
-        return ExtendedTaskSpace(robot, task, self.criterion)
-
-
-controllers.register(TerminalSlidingMode.name, TerminalSlidingMode)
-
-
-class SimplifiedTerminalSlidingMode(CascadedSlidingControl):
+class SimplifiedTerminalSlidingMode(TerminalSlidingMode):
     """Kinematic stage on the tip Jacobian's transpose, v_ref' = j_e^T u_ref (43)-(44); dynamic stage
     as in ``tsm`` (55)-(56). What the tip leaves free is not controlled: ``c_F`` and ``K_F`` have no
     effect here but on what is reported of the criterion."""
 
     name = "tsm-simplified"
-    Gains = SlidingGains
-
-    def task_space(self, robot: MobileManipulator, task: Task) -> TipTaskSpace:
-        """e = e^e: the tip's errors alone."""
-        return TipTaskSpace(robot, task)
-
-
-controllers.register(SimplifiedTerminalSlidingMode.name, SimplifiedTerminalSlidingMode)
+    extended = False
 
 
 class InverseActuationSlidingMode(TerminalSlidingMode):
@@ -206,4 +432,5 @@ class InverseActuationSlidingMode(TerminalSlidingMode):
     inverse_actuation = True
 
 
-controllers.register(InverseActuationSlidingMode.name, InverseActuationSlidingMode)
+for _law in (TerminalSlidingMode, SimplifiedTerminalSlidingMode, InverseActuationSlidingMode):
+    controllers.register(_law.name, _law)

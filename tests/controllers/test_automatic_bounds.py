@@ -7,7 +7,7 @@ import pytest
 
 import mobman as mm
 from mobman.controllers.bounds import sampled_states
-from mobman.controllers.task_errors import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_errors import TaskSpace
 from mobman.model.criterion import Posture
 
 
@@ -18,10 +18,10 @@ def _settings(law, robot, task, **gains):
 
 
 def _eigenvalues(robot, task, space):
-    rest, errors = np.zeros(robot.nz), ErrorsAlong(space)
+    rest = np.zeros(robot.nz)
     for t, q in sampled_states(robot, task):
-        jacobian = errors.at(t, q, rest).J
-        yield np.linalg.eigvalsh(jacobian @ jacobian.T)[0]
+        space.at(t, q, rest)
+        yield np.linalg.eigvalsh(space.J @ space.J.T)[0]
 
 
 @pytest.mark.parametrize("law", ["tsm", "tsm-simplified"])
@@ -29,11 +29,7 @@ def test_a_lies_below_what_it_bounds(law, robot):
     """0 < a <= lambda_min(J J^T) (22) at the start and at every sampled state, with a margin."""
     a = _settings(law, robot, "circle")["a"]
     task = mm.make_task("circle", robot)
-    space = (
-        TipTaskSpace(robot, task)
-        if law == "tsm-simplified"
-        else ExtendedTaskSpace(robot, task, Posture.of(robot))
-    )
+    space = TaskSpace(robot, task, None if law == "tsm-simplified" else Posture.of(robot))
     least = min(_eigenvalues(robot, task, space))
     assert isinstance(a, float)
     assert a > 0.0
@@ -43,7 +39,7 @@ def test_a_lies_below_what_it_bounds(law, robot):
 
 def test_a_is_no_smaller_than_the_samples_ask_for(youbot):
     task = mm.make_task("paper", youbot)
-    least = min(_eigenvalues(youbot, task, ExtendedTaskSpace(youbot, task, Posture.of(youbot))))
+    least = min(_eigenvalues(youbot, task, TaskSpace(youbot, task, Posture.of(youbot))))
     assert _settings("tsm", youbot, "paper")["a"] > 1e-3 * least
 
 

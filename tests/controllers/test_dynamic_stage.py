@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from support.stages import DynamicStageAlone
 
-from mobman.controllers.dynamic_stage import DynamicGains
-
 DT = 1e-3
 INERTIA = np.array([[3.0, 0.4], [0.4, 1.0]])
 ACTUATION = np.diag([2.0, 1.0])
@@ -21,23 +19,18 @@ def _reference(t):
 
 
 def _stage(dt=DT, inertia=INERTIA, **options):
-    usual = {
-        "inverse": False, "discretization": "implicit", "boundary_layer": 0.0, "metric_scale": 1.0,
-    }  # fmt: skip
-    return DynamicStageAlone(
-        DynamicGains(A=0.05), 0.05, dt, inertia, ACTUATION, **{**usual, **options}
-    )
+    return DynamicStageAlone(dt, inertia, ACTUATION, A=0.05, a=1.0, **options)
 
 
 def _run(inertia=INERTIA, disturbance=0.0, duration=4.0, dt=DT, **options):
     """|E| and |E'| over time; the plant has ``inertia``, the stage supposes INERTIA."""
     alone = _stage(dt, **options)
-    stage = alone.stage
+    held = alone.held
     z, sizes = START.copy(), []
     for tick in range(round(duration / dt)):
         v_ref, integral, rate = _reference(tick * dt)
         push = disturbance * np.sin(3.0 * tick * dt + np.arange(2))
-        z_dot = np.linalg.solve(inertia, ACTUATION @ stage.v + push)
+        z_dot = np.linalg.solve(inertia, ACTUATION @ held.v + push)
         sizes.append((np.linalg.norm(z - integral), np.linalg.norm(z_dot - v_ref)))
         torque = alone.step(z, z_dot, v_ref, integral, rate)
         z = z + dt * np.linalg.solve(inertia, ACTUATION @ torque + push)
@@ -105,7 +98,7 @@ def test_torque_is_integrated_from_zero():
     none = np.zeros(2)
     for dt in (1e-3, 1e-4):
         alone = _stage(dt, discretization="explicit")
-        assert not alone.stage.v.any()
+        assert not alone.held.v.any()
         # at rest, with v_ref = (1, 1): E' = -v_ref is all that chi and S see
         steps.append(alone.step(none, none, np.ones(2), none, none))
     assert np.allclose(steps[0], 10.0 * steps[1])

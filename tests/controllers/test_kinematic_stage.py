@@ -6,22 +6,19 @@ import numpy as np
 import pytest
 from support.stages import KinematicStageAlone
 
-from mobman.controllers.kinematic_stage import KinematicGains
-
 DT = 1e-3
 
 
 def _run(start, duration, *, discretization="implicit", a=1.0, desired=None, lambda_1=11.0):
     """|e| of f''' = v_ref', f' = z, f(0) = start, z' = v_ref exactly."""
     p = len(start)
-    gains = KinematicGains(a=a, lambda_1=lambda_1)
-    alone = KinematicStageAlone(gains, a, p, DT, discretization, 0.0)
+    alone = KinematicStageAlone(p, DT, a=a, A=1.0, lambda_1=lambda_1, discretization=discretization)
     f, f_dot = start.copy(), np.zeros(p)
     sizes = []
     for tick in range(round(duration / DT)):
         t = tick * DT
         r, r_dot, r_ddot, r_dddot = np.zeros((4, p)) if desired is None else desired(t)
-        f_ddot = alone.stage.v_ref.copy()
+        f_ddot = alone.held.v_ref.copy()
         v_ref_dot = alone.step(f - r, f_dot - r_dot, r_ddot, r_dddot, f_dot)
         sizes.append(np.linalg.norm(f - r))
         f = f + DT * f_dot + DT**2 / 2 * f_ddot + DT**3 / 6 * v_ref_dot
@@ -70,7 +67,7 @@ def test_explicit_form_chatters_where_the_implicit_one_does_not():
 
 
 def test_sliding_variable_starts_as_the_acceleration_error():
-    alone = KinematicStageAlone(KinematicGains(a=1.0), 1.0, 2, DT, "implicit", 0.0)
+    alone = KinematicStageAlone(2, DT, a=1.0, A=1.0)
     p_ddot = np.array([3.0, -1.0])
     alone.step(np.ones(2), np.ones(2), p_ddot, np.zeros(2), np.zeros(2))
     assert np.allclose(alone.stage.s, -p_ddot)
@@ -78,8 +75,8 @@ def test_sliding_variable_starts_as_the_acceleration_error():
 
 def test_reference_is_integrated_exactly():
     """v_ref' is constant over a tick, so v_ref and its integral are polynomials."""
-    alone = KinematicStageAlone(KinematicGains(a=1.0), 1.0, 1, 0.1, "implicit", 0.0)
+    alone = KinematicStageAlone(1, 0.1, a=1.0, A=1.0)
     rate = alone.step(np.ones(1), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1))
     alone.advance()
-    assert np.allclose(alone.stage.v_ref, 0.1 * rate)
-    assert np.allclose(alone.stage.integral_v_ref, 0.1**2 / 2 * rate)
+    assert np.allclose(alone.held.v_ref, 0.1 * rate)
+    assert np.allclose(alone.held.integral_v_ref, 0.1**2 / 2 * rate)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.states import random_states
+from support.task_errors import errors_at
 
 import mobman as mm
 from mobman.controllers.baselines import computed_torque
-from mobman.controllers.task_errors import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_errors import TaskSpace
 from mobman.model.criterion import Posture
 from mobman.simulation.plant import Plant
 
@@ -31,10 +32,7 @@ def _acceleration(robot, law, q, z, **gains):
 
 def _errors(robot, q, z, extended):
     task = mm.make_task("circle", robot)
-    space = (
-        ExtendedTaskSpace(robot, task, Posture.of(robot)) if extended else TipTaskSpace(robot, task)
-    )
-    return ErrorsAlong(space).at(T, q, z)
+    return errors_at(TaskSpace(robot, task, Posture.of(robot) if extended else None), T, q, z)
 
 
 def test_computed_torque_gives_the_wanted_acceleration(robot):

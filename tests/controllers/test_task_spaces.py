@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
-
 import numpy as np
 import pytest
 from support.complements import aligned_kernel, stacked_jacobian
 from support.differences import derivative, relative
+from support.task_errors import errors_at
 
 import mobman as mm
-from mobman.controllers.task_errors import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_errors import TaskSpace
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap
@@ -19,14 +18,7 @@ ROWS = (0, 1, 2)
 
 
 def _space(kind, robot, task):
-    if kind == "tip":
-        return TipTaskSpace(robot, task)
-    return ExtendedTaskSpace(robot, task, Posture.of(robot))
-
-
-def _errors(space, t, q, z):
-    """A copy of the errors, which the next state overwrites."""
-    return deepcopy(ErrorsAlong(space).at(t, q, z))
+    return TaskSpace(robot, task, None if kind == "tip" else Posture.of(robot))
 
 
 @pytest.mark.parametrize("kind", ["tip", "extended"])
@@ -38,13 +30,13 @@ def test_rates_are_the_derivatives_along_the_motion(kind, robot):
         z, z_dot = random.standard_normal((2, robot.nz))
         q_dot = robot.velocity_map(q) @ z
         space = _space(kind, robot, task)
-        now = _errors(space, 0.7, q, z)
+        now = errors_at(space, 0.7, q, z)
 
         def at(s, q=q, z=z, d=q_dot, a=z_dot, space=space):
             # from the middle outwards and back: the axes are carried from call to call
             for part in (0.0, 0.5, 1.0):
-                errors = _errors(space, 0.7 + s, q + part * s * d, z + s * a)
-            _errors(space, 0.7, q, z)
+                errors = errors_at(space, 0.7 + s, q + part * s * d, z + s * a)
+            errors_at(space, 0.7, q, z)
             return errors
 
         h = 1e-3 / max(1.0, np.abs(q_dot[:3]).max())
@@ -61,18 +53,18 @@ def test_sizes(robot):
     for kind, p in (("tip", 3), ("extended", robot.nz)):
         space = _space(kind, robot, task)
         assert space.p == p
-        errors = _errors(space, 0.0, robot.q_rest, z)
+        errors = errors_at(space, 0.0, robot.q_rest, z)
         assert errors.J.shape == (p, robot.nz)
-        assert {part.shape for part in vars(errors).values() if part.ndim == 1} == {(p,)}
+        assert {part.shape for part in errors if part.ndim == 1} == {(p,)}
 
 
 def test_extended_errors_begin_with_the_tips(robot):
     task, random = mm.make_task("circle", robot), np.random.default_rng(91)
     q, z = robot.q_rest + 0.1, random.standard_normal(robot.nz)
-    tip = _errors(_space("tip", robot, task), 0.4, q, z)
-    extended = _errors(_space("extended", robot, task), 0.4, q, z)
-    for name, part in vars(tip).items():
-        assert np.allclose(getattr(extended, name)[:3], part, atol=1e-12)
+    tip = errors_at(_space("tip", robot, task), 0.4, q, z)
+    extended = errors_at(_space("extended", robot, task), 0.4, q, z)
+    for whole, part in zip(extended, tip, strict=True):
+        assert np.allclose(whole[:3], part, atol=1e-12)
     # p_d^a = 0
     assert not extended.p_ddot[3:].any()
     assert not extended.p_dddot[3:].any()
@@ -90,7 +82,7 @@ def test_axes_of_the_auxiliary_errors_are_carried_along(robot):
     for distance in np.linspace(0.0, 1.0, 60):
         q = robot.q_rest + distance * direction
         axes = aligned_kernel(stacked_jacobian(robot, ROWS, q), axes)
-        found = _errors(space, 0.0, q, z).e[3:]
+        found = errors_at(space, 0.0, q, z).e[3:]
         assert np.allclose(found, axes @ criterion.gradient(q), atol=1e-10)
-    fresh = _errors(_space("extended", robot, task), 0.0, q, z).e[3:]
+    fresh = errors_at(_space("extended", robot, task), 0.0, q, z).e[3:]
     assert np.isclose(np.linalg.norm(fresh), np.linalg.norm(found), atol=1e-10)

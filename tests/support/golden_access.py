@@ -17,6 +17,7 @@ import numpy as np
 import mobman as mm
 from mobman.registry import Registry
 from mobman.robots import catalogue
+from support.task_errors import errors_of
 
 
 @contextlib.contextmanager
@@ -81,10 +82,9 @@ def smallest_argument(law, step) -> float:
         step: Arguments of its ``step``.
     """
     _, _, z, z_dot = step
-    kinematic = law._kinematic
-    v_ref, integral_v_ref = kinematic.v_ref.copy(), kinematic.integral_v_ref.copy()
+    v_ref, integral_v_ref = law._held.v_ref.copy(), law._held.integral_v_ref.copy()
     law.step(*step)
-    errors = law._space.errors
+    errors = errors_of(law._space, z)
     e_ddot = errors.J @ v_ref + errors.J_dot_z - errors.p_ddot
     power = np.sign(errors.e_dot) * np.abs(errors.e_dot) ** (9 / 7)
     inner = power + np.asarray(law.gains.lambda_0) ** (9 / 7) * errors.e

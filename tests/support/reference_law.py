@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.controllers.task_errors import ErrorsAlong, ExtendedTaskSpace, TipTaskSpace
+from mobman.controllers.task_errors import TaskSpace
 from mobman.model.criterion import Posture
 from support.inclusions import inclusion
+from support.task_errors import errors_at
 
 
 def power(x, exponent):
@@ -24,10 +25,7 @@ class ReferenceLaw:
         self.implicit = gains["discretization"] == "implicit"
         self.g = gains
         criterion = Posture.of(robot, gains["c_F"])
-        space = (
-            TipTaskSpace(robot, task) if simplified else ExtendedTaskSpace(robot, task, criterion)
-        )
-        self.errors = ErrorsAlong(space)
+        space = self.space = TaskSpace(robot, task, None if simplified else criterion)
         self.v_ref, self.integral_v_ref = np.zeros(robot.nz), np.zeros(robot.nz)
         self.integral_31, self.integral_51 = np.zeros(space.p), np.zeros(robot.nz)
         self.v = np.zeros(robot.nz)
@@ -35,7 +33,7 @@ class ReferenceLaw:
     def step(self, t, q, z, z_dot):
         g, dt, norm = self.g, self.dt, np.linalg.norm
         m, _, b = self.robot.dynamics(q, z)
-        f = self.errors.at(t, q, z)
+        f = errors_at(self.space, t, q, z)
         # kinematic stage
         e_ddot = f.J @ self.v_ref + f.J_dot_z - f.p_ddot
         inner = power(f.e_dot, 9 / 7) + g["lambda_0"] ** (9 / 7) * f.e

@@ -4,50 +4,59 @@ from __future__ import annotations
 
 import numpy as np
 
-from mobman.controllers.dynamic_stage import DynamicStage
-from mobman.controllers.kinematic_stage import KinematicStage
-from mobman.controllers.task_errors import TaskErrors
-from mobman.kernels.program import program
+from mobman.controllers.tsm import (
+    Held,
+    SlidingGains,
+    Stage,
+    dynamic_stage,
+    in_force,
+    integrate,
+    kinematic_stage,
+)
 
 
-class KinematicStageAlone:
+class StageAlone:
+    """One of the stages; the other one does nothing. Options: as those of SlidingGains."""
+
+    def __init__(self, p, dt, *, inverse=False, **gains):
+        gains = SlidingGains(**gains)
+        self.stage, self._other, self.held = Stage.of(p), Stage.of(p), Held(*np.zeros((5, p)))
+        self.k = in_force(gains, p, p, dt, gains.a, gains.A, inverse)
+
+
+class KinematicStageAlone(StageAlone):
     """A kinematic stage with J = I, of p errors, at the rest posture."""
 
-    def __init__(self, gains, a, p, dt, discretization, boundary_layer):
-        self.errors = TaskErrors(np.eye(p), np.zeros(p))
-        self.stage = KinematicStage(gains, a, self.errors, dt, discretization, boundary_layer)
-        self._z, at_rest = np.zeros(p), np.zeros(p)
-        self._step = program(self.stage.steps(at_rest, at_rest, self._z))
-        self._advance = program(self.stage.advance_steps())
-
     def step(self, e, e_dot, p_ddot, p_dddot, z):
-        """v_ref' for a tick."""
-        errors = self.errors
-        errors.e[:], errors.e_dot[:] = e, e_dot
-        errors.p_ddot[:], errors.p_dddot[:] = p_ddot, p_dddot
-        self._z[:] = z
-        assert self._step() == 0
-        return self.stage.v_ref_dot.copy()
+        """v_ref' for a tick, of which z is the measured velocity."""
+        p = len(e)
+        # f = e and J z = e' + p_d', whatever p_d and p_d' are
+        p_d = np.array([np.zeros(p), z - e_dot, p_ddot, p_dddot])
+        at_rest = np.zeros(p)
+        stop = kinematic_stage(
+            self.k, self.stage, self.held, e.copy(), np.eye(p), at_rest, p_d, at_rest, at_rest, z
+        )
+        assert stop == 0
+        return self.held.v_ref_dot.copy()
 
     def advance(self):
-        """v_ref and its integral a tick later."""
-        assert self._advance() == 0
+        """v_ref and all integrals a tick later."""
+        integrate(self.k.dt, self.stage, self._other, self.held)
 
 
-class DynamicStageAlone:
+class DynamicStageAlone(StageAlone):
     """A dynamic stage that supposes a constant inertia and actuation."""
 
-    def __init__(self, gains, bound, dt, inertia, actuation, **options):
-        nz = len(inertia)
-        self.stage = DynamicStage(gains, bound, nz, dt, **options)
-        self._given = [np.zeros(nz) for _ in range(5)]
-        self._step = program(self.stage.steps(*self._given, inertia.copy(), actuation.copy()))
+    def __init__(self, dt, inertia, actuation, **options):
+        super().__init__(len(inertia), dt, **options)
+        self._inertia, self._actuation = inertia, actuation
 
     def step(self, z, z_dot, v_ref, integral_v_ref, v_ref_dot):
         """The torque for a tick."""
-        for array, value in zip(
-            self._given, (z, z_dot, integral_v_ref, v_ref, v_ref_dot), strict=True
-        ):
-            array[:] = value
-        assert self._step() == 0
-        return self.stage.v.copy()
+        held = self.held
+        held.v_ref[:], held.integral_v_ref[:], held.v_ref_dot[:] = v_ref, integral_v_ref, v_ref_dot
+        assert (
+            dynamic_stage(self.k, self.stage, held, z, z_dot, self._inertia, self._actuation) == 0
+        )
+        integrate(self.k.dt, self._other, self.stage, held)
+        return held.v.copy()
