@@ -10,8 +10,6 @@ VENV := .venv
 BIN := $(VENV)/bin
 # Python compiles what is imported; of all these libraries, that is the smaller part.
 INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable
-# Each time, since an update of the sources brings other kernels; at once where they are compiled.
-COMPILE := $(BIN)/python -m mobman.kernels.ahead
 PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # The results of the suite, which may be a name or a file.
 OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
@@ -23,22 +21,18 @@ help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 bench: $(VENV)/installed ## set up, run the paper's suite, write results/paper and its report; SUITE=quick: another
-	$(COMPILE)
 	$(BIN)/mobman bench run $(SUITE) -o $(OUT)
 
 # The tests read and print UTF-8, whatever the locale
 test test-slow: export PYTHONUTF8 := 1
 
 test: lint ## set up with test extras, run lint, types and tests
-	$(COMPILE)
 	$(PYTEST)
 
 test-slow: $(VENV)/installed-test ## the longer studies among the tests
-	$(COMPILE)
 	$(PYTEST) -m slow
 
 speed: $(VENV)/installed-speed ## measure what a tick costs, and Pinocchio, Pink and MuJoCo with it (ten minutes)
-	$(COMPILE)
 	$(BIN)/python benchmarks/speed.py $(OPTIONS) -o $(RESULTS)/speed
 
 lint: $(VENV)/installed-test ## ruff, import-linter and mypy alone

@@ -1,7 +1,7 @@
 """The types of arrays in mobman: double precision, and indices; and how large numbers may be.
 
-The named shapes are for kernels (:mod:`mobman.kernels`), which are compiled for what their annotations
-say; to a type checker they are all alike.
+The named shapes say what compiled functions (:mod:`mobman.compiled`) take; to a type checker they are
+all alike.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import inspect
 import os
 import re
 import shutil
@@ -81,7 +82,7 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     if not is_compiled(function):
         return partial(function, *arguments)
     dispatcher: Any = function
-    names = dispatcher.py_func.__code__.co_varnames[: dispatcher.py_func.__code__.co_argcount]
+    names = inspect.signature(function).parameters
     if len(names) != len(arguments):
         raise TypeError(
             f"kernel {function.__name__!r} takes {len(names)} arguments; given: {len(arguments)}"
@@ -109,6 +110,12 @@ def sequence(*entries: Callable[[], Any]) -> Callable[[], int]:
         return 0
 
     return run
+
+
+def plain(function: Function) -> Function:
+    """The Python function under a kernel: for a call or two, since loading machine code takes longer."""
+    unwrapped: Function = inspect.unwrap(function)
+    return unwrapped
 
 
 def is_compiled(function: object) -> bool:
@@ -148,7 +155,7 @@ def _calls_other_files(function: Callable[..., Any]) -> bool:
     """True if a user's function names kernels that are in neither its own file nor mobman."""
     file = Path(function.__code__.co_filename)
     named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
-    called = [Path(one.py_func.__code__.co_filename) for one in named if is_compiled(one)]
+    called = [Path(plain(one).__code__.co_filename) for one in named if is_compiled(one)]
     return any(one != file and PACKAGE not in one.parents for one in called)
 
 
@@ -220,9 +227,14 @@ def _kept() -> frozenset[str]:
     return frozenset(file.name.rpartition("-")[0] for file in kernel_folder().rglob("*.nbi"))
 
 
+def anything_kept() -> bool:
+    """True if this version of the kernels has been used on this machine."""
+    return bool(_kept())
+
+
 def _announce(function: Any) -> None:
-    code = function.py_func.__code__
-    if unsafe() or f"{Path(code.co_filename).stem}.{function.py_func.__qualname__}" not in _kept():
+    file = Path(plain(function).__code__.co_filename)
+    if unsafe() or f"{file.stem}.{function.__qualname__}" not in _kept():
         _say_that_it_takes_time()
 
 

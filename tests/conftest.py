@@ -24,7 +24,7 @@ PLATFORM = {name: find_spec(name).platform.type for name in OWN}
 # Folders and files whose tests wait for browsers and other processes. They start first: a file of
 # theirs that starts last would keep one worker busy long after the others have ended.
 SLOW = (
-    *("viewer", "running", "packaging", "kernels", "tuning", "cli", "docs"),
+    *("viewer", "running", "packaging", "compiled", "tuning", "cli", "docs"),
     *("test_make_targets.py", "test_optional_browser.py"),
 )
 

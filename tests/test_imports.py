@@ -48,4 +48,4 @@ def test_a_robot_needs_no_files_or_figures():
 
 def test_the_check_sees_what_is_loaded():
     """So that a test of this kind cannot pass by looking at nothing."""
-    assert {"numpy", "numba"} <= _loaded("import mobman.kernels.kernel")
+    assert {"numpy", "numba"} <= _loaded("import mobman.compiled")

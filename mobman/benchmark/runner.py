@@ -20,6 +20,8 @@ from mobman.benchmark.backends import Backend, Cluster, Given, Local, default_wo
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import Suite, load_suite
 from mobman.benchmark.work import Job, Result, failure, jobs_of
+from mobman.benchmark.workers import preload
+from mobman.compiled import anything_kept
 from mobman.errors import MobmanError, UsageError
 from mobman.simulation.run_spec import RunSpec
 
@@ -177,6 +179,8 @@ def run_suite(
     if dask is not None:
         backend = Cluster(dask)
     elif executor is not None:
+        if not anything_kept():
+            preload()  # compile here and once, instead of in every worker
         backend = Given(executor)
     else:
         backend = Local(min(workers or default_workers(), len(todo)), limit)

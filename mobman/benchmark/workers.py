@@ -219,11 +219,14 @@ def _end_with_parent() -> None:
 
 @cache
 def preload() -> None:
-    """Load all that runs need by doing a short one, once a process."""
+    """Load all that runs need, once a process, by a tick of every law; what is not compiled yet is
+    compiled."""
+    from mobman.controllers.protocol import list_controllers
     from mobman.simulation.simulate import simulate
 
-    with contextlib.suppress(Exception):  # a run that needs what failed will say so
-        simulate("youbot", "tsm", "circle", duration=2e-3).to_bytes()
+    for law in list_controllers():
+        with contextlib.suppress(Exception):  # a user's own; or a run that needs it will say so
+            simulate("youbot", law, "circle", duration=1e-3).to_bytes()
 
 
 def start_ahead() -> None:

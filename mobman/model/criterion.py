@@ -10,7 +10,6 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel
 from mobman.errors import UsageError
-from mobman.kernels.program import Call, call
 from mobman.model.mobile_manipulator import MobileManipulator
 
 
@@ -59,18 +58,6 @@ def criterion_entry(
         hessian_rate[:] = criterion.hessian_rate(q.copy(), q_dot.copy())
 
     return evaluate
-
-
-def criterion_steps(
-    criterion: Criterion,
-    q: Array,
-    q_dot: Array,
-    gradient: Array,
-    hessian: Array,
-    hessian_rate: Array,
-) -> list[Call]:
-    """Steps of a program that write g, H and H' at (q, q') into arrays."""
-    return [call(criterion_entry(criterion, q, q_dot, gradient, hessian, hessian_rate))]
 
 
 class Posture:

@@ -78,11 +78,8 @@ class Buffers:
         self.tip, self.tip_jacobian = np.zeros(3), np.zeros((6, nq))
         self.tip_jacobian_rate = np.zeros((6, nq))
 
-        model, q, q_dot = (
-            robot.model,
-            self.q,
-            self.q_dot,
-        )  # local, since these run many times a tick
+        # local names, since these run many times a tick
+        model, q, q_dot = robot.model, self.q, self.q_dot
         self.data = data = model.createData()
         # Pinocchio's results where they are, instead of copies at every call
         self.joint_inertia, self.nonlinear = data.M, data.nle
@@ -229,7 +226,7 @@ def assemble_constraints(
 @kernel
 def symmetric(matrix: Columns, i: int, j: int) -> float:
     """An entry of the symmetric matrix whose upper triangle is given: what crba writes."""
-    return matrix[i, j] if i <= j else matrix[j, i]
+    return float(matrix[i, j]) if i <= j else float(matrix[j, i])
 
 
 @kernel

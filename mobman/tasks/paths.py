@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
-from mobman.compiled import bind, kernel
+from mobman.compiled import bind, kernel, plain
 from mobman.errors import UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import parameter
@@ -29,7 +29,7 @@ class KernelPath:
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
         """p_d and its first three derivatives at time t (s), each of shape (3,)."""
         p_d, (kernel, *arguments) = np.empty((4, 3)), self._kernel()
-        kernel(np.array([t], dtype=float), *arguments, p_d)
+        plain(kernel)(np.array([t]), *arguments, p_d)
         return (p_d[0], p_d[1], p_d[2], p_d[3])
 
     def entry(self, t: Array, p_d: Array) -> Callable[[], None]:

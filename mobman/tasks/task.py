@@ -19,7 +19,6 @@ from pydantic.fields import FieldInfo
 
 from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import UsageError
-from mobman.kernels.program import Call, call
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap, task_map_for
@@ -250,11 +249,6 @@ def task_entry(task: Task, t: Array, p_d: Array) -> Callable[[], None]:
             p_d[row] = part
 
     return desire
-
-
-def task_steps(task: Task, t: Array, p_d: Array) -> list[Call]:
-    """The same as steps of a program."""
-    return [call(task_entry(task, t, p_d))]
 
 
 def task_map_of(task: Task) -> TaskMap:

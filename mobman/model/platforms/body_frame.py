@@ -81,8 +81,14 @@ def _turned(parameters: Vector, start: int, c: float, s: float, matrix: Matrix) 
 
 @kernel
 def _velocity_map(parameters: Vector, x: Vector, N: Matrix) -> None:
-    """N = E N_b."""
-    _turned(parameters, 0, math.cos(x[2]), math.sin(x[2]), N)
+    """N = E N_b; by itself, so that loading a robot needs no machine code."""
+    l, p = N.shape
+    c, s = math.cos(x[2]), math.sin(x[2])
+    for j in range(p):
+        N[0, j] = c * parameters[j] - s * parameters[p + j]
+        N[1, j] = s * parameters[j] + c * parameters[p + j]
+        for i in range(2, l):
+            N[i, j] = parameters[i * p + j]
 
 
 @kernel

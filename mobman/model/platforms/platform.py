@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
+from mobman.compiled import plain
 from mobman.errors import SpecError
 from mobman.registry import Registry
 from mobman.robots.urdf.compose import BASE_JOINTS
@@ -42,8 +43,8 @@ class Site(NamedTuple):
 class Equations(NamedTuple):
     """A platform's A and N as functions that write into arrays.
 
-    The functions are kernels (:mod:`mobman.kernels`), to be part of what is evaluated at every tick;
-    plain functions of Python do as well, at the price of a call each. Every entry is to be written.
+    The functions are kernels (:func:`mobman.compiled.kernel`); plain functions of Python do as well, at
+    the price of a slower call each. Every entry of the arrays is to be written.
     """
 
     parameters: Array
@@ -132,19 +133,19 @@ class Platform(ABC):
     def velocity_map(self, x: Array) -> Array:
         """N(x), shape (l, l-k)."""
         n = self._per_velocity()
-        self.equations.velocity_map(self.equations.parameters, x, n)
+        plain(self.equations.velocity_map)(self.equations.parameters, x, n)
         return n
 
     def velocity_map_rate(self, x: Array, x_dot: Array) -> Array:
         """dN/dt along x', shape (l, l-k)."""
         rate = self._per_velocity()
-        self.equations.velocity_map_rate(self.equations.parameters, x, x_dot, rate)
+        plain(self.equations.velocity_map_rate)(self.equations.parameters, x, x_dot, rate)
         return rate
 
     def actuation(self, x: Array) -> Array:
         """B''(x) of (16), shape (l, l-k)."""
         b = self._per_velocity()
-        self.equations.actuation(self.equations.parameters, x, b)
+        plain(self.equations.actuation)(self.equations.parameters, x, b)
         return b
 
     def constraint_hessian(self, x: Array, multiplier: Array) -> Array:
@@ -156,13 +157,13 @@ class Platform(ABC):
         l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
         rate = np.zeros((k, l, l))
         equations = self.equations
-        equations.constraint_derivative_rate(equations.parameters, x, x_dot, rate)
+        plain(equations.constraint_derivative_rate)(equations.parameters, x, x_dot, rate)
         return np.tensordot(multiplier, rate, axes=1)
 
     def _constraints(self, x: Array) -> tuple[Array, Array]:
         l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
         a, a_x = np.zeros((k, l)), np.zeros((k, l, l))
-        self.equations.constraints(self.equations.parameters, x, a, a_x)
+        plain(self.equations.constraints)(self.equations.parameters, x, a, a_x)
         return a, a_x
 
     def _per_velocity(self) -> Array:

@@ -13,37 +13,38 @@ from pathlib import Path
 import pytest
 
 import mobman
-from mobman.kernels.cache import kernel_files
+from mobman.compiled import kernel_files
 
 PACKAGE = Path(mobman.__file__).parent
 
-# The helper that compiles all other kernels meanwhile is none of these tests' business: one core.
 TINY = """
-from __future__ import annotations
-import os
-os.cpu_count = lambda: 1
 import numpy as np
-from mobman.arrays import Vector
-from mobman.kernels.kernel import kernel
-from mobman.kernels.program import call, program
+from mobman.compiled import bind, kernel
 
 @kernel
-def double(x: Vector) -> None:
+def double(x):
     for i in range(x.shape[0]):
         x[i] *= {factor}
 
 x = np.arange(3.0)
-program([call(double, x)])()
+bind(double, x)()
 print(x.tolist())
 """
 
 
 class Tiny:
-    """A program of one small kernel, run in processes of its own."""
+    """A script with one small kernel, run in processes of its own."""
 
-    def __init__(self, folder: Path, cache: Path) -> None:
+    def __init__(self, folder: Path, cache: Path, written: bool = False) -> None:
         self.file, self.cache = folder / "tiny.py", cache
-        self.write("2.0")
+        if not written:
+            self.write("2.0")
+
+    @property
+    def folder(self) -> Path:
+        """The folder of this version of the kernels."""
+        (folder,) = (self.cache / "mobman").iterdir()
+        return folder
 
     def write(self, factor: str) -> None:
         self.file.write_text(TINY.format(factor=factor), encoding="utf-8")
@@ -75,7 +76,7 @@ def tiny(tmp_path):
 
 @pytest.fixture(scope="module")
 def run_once(tmp_path_factory):
-    """A program that was run, so that its machine code is kept."""
+    """A script that was run, so that its machine code is kept."""
     folder = tmp_path_factory.mktemp("tiny")
     tiny = Tiny(folder, folder / "cache")
     tiny.run()
@@ -83,11 +84,12 @@ def run_once(tmp_path_factory):
 
 
 @pytest.fixture
-def compiled(tiny, run_once):
-    """The same program, and a copy of what was kept of it."""
-    shutil.copytree(run_once.cache, tiny.cache)
-    assert tiny.kept()
-    return tiny
+def compiled(tmp_path, run_once):
+    """The same script, and a copy of what was kept of it."""
+    copy = Tiny(run_once.file.parent, tmp_path / "cache", written=True)
+    shutil.copytree(run_once.cache, copy.cache)
+    assert copy.kept()
+    return copy
 
 
 def test_first_process_says_that_it_compiles_and_the_second_does_not_compile(tiny):
@@ -103,11 +105,13 @@ def test_first_process_says_that_it_compiles_and_the_second_does_not_compile(tin
     assert [file.stat().st_mtime_ns for file in kept] == times
 
 
-def test_changed_kernel_is_compiled_anew(compiled):
-    assert compiled.run() == ""
-    compiled.write("3.0")
-    assert "compiling" in compiled.run("[0.0, 3.0, 6.0]")
-    assert compiled.run("[0.0, 3.0, 6.0]") == ""
+def test_changed_kernel_is_compiled_anew(tiny):
+    tiny.run()
+    tiny.write("3.0")
+    assert tiny.run("[0.0, 3.0, 6.0]") == ""
+    before = {file: file.stat().st_mtime_ns for file in tiny.kept()}
+    assert tiny.run("[0.0, 3.0, 6.0]") == ""
+    assert {file: file.stat().st_mtime_ns for file in tiny.kept()} == before
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
@@ -117,16 +121,18 @@ def test_file_that_cannot_be_read_counts_as_missing(compiled, suffix, content):
         if file.suffix == suffix:
             whole = file.read_bytes()
             file.write_bytes(whole[: len(whole) // 2] if content is None else content)
-    assert compiled.run().count("\n") == 1  # the announcement
+    assert compiled.run() == ""
+    assert compiled.kept()
     assert compiled.run() == ""
 
 
-def test_missing_machine_code_is_compiled_anew(compiled):
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_missing_machine_code_is_compiled_anew(compiled, suffix):
     for file in compiled.kept():
-        if file.suffix == ".nbc":
+        if file.suffix == suffix:
             file.unlink()
-    assert "compiling" in compiled.run()
-    assert compiled.run() == ""
+    assert ("compiling" in compiled.run()) == (suffix == ".nbi")
+    assert len(compiled.kept()) == 2
 
 
 @pytest.mark.parametrize("obstacle", ["a file is in its way", "read-only"])
@@ -166,7 +172,7 @@ def refused(tiny, *words):
 @posix
 @pytest.mark.parametrize("mode", [0o777, 0o1777])
 def test_folder_that_others_may_write_to_is_not_used(compiled, mode):
-    folder = compiled.kept()[0].parent
+    folder = compiled.folder
     folder.chmod(mode)
     refused(compiled, f"other users may write to {folder}: chmod go-w {folder}")
     folder.chmod(0o755)
@@ -176,7 +182,7 @@ def test_folder_that_others_may_write_to_is_not_used(compiled, mode):
 @posix
 def test_folder_that_the_users_own_group_may_write_to(compiled):
     """As a umask of 002 makes it."""
-    folder = compiled.kept()[0].parent
+    folder = compiled.folder
     folder.chmod(0o775)
     assert compiled.run() == ""
     if os.getuid() == 0:  # only root may give it to another group
@@ -197,7 +203,7 @@ def test_file_that_others_may_write_to(compiled):
     file = compiled.kept()[0]
     file.chmod(0o666)
     assert compiled.run() == ""  # nobody else reaches it
-    file.parent.chmod(0o755)
+    compiled.folder.chmod(0o755)
     refused(compiled, f"other users may write to {file}")
 
 
@@ -216,7 +222,7 @@ def test_link_to_a_folder_that_others_may_write_to(compiled, tmp_path):
 @pytest.mark.parametrize("what", ["cache", "folder", "file"])
 def test_what_belongs_to_another_user_is_not_used(compiled, what):
     file = compiled.kept()[0]
-    path = {"cache": compiled.cache, "folder": file.parent, "file": file}[what]
+    path = {"cache": compiled.cache, "folder": compiled.folder, "file": file}[what]
     os.chown(path, 65534, -1)
     refused(compiled, f"{path} belongs to another user, 65534")
 
@@ -227,7 +233,7 @@ def test_machine_code_of_others_is_not_even_unpickled(compiled, tmp_path):
     seen = tmp_path / "seen"
     for file in compiled.kept():
         file.write_bytes(pickle.dumps(Touches(str(seen))))
-    compiled.kept()[0].parent.chmod(0o777)
+    compiled.folder.chmod(0o777)
     refused(compiled, "other users may write to")
     assert not seen.exists()
 
@@ -249,7 +255,7 @@ def test_folders_that_are_made_are_for_this_user_alone(tiny):
         tiny.run()
     finally:
         os.umask(mask)
-    folder = tiny.kept()[0].parent
+    folder = tiny.folder
     for path in (folder, folder.parent, tiny.cache):
         assert path.stat().st_mode & 0o777 == 0o700
     assert tiny.run() == ""
@@ -269,20 +275,104 @@ def test_every_file_with_a_kernel_is_known():
     assert len(found) > 10
 
 
-@pytest.mark.parametrize("file", ["dense.py", "calling.py", "kernel.py"])
+def _copy(folder, file="", old="", new=""):
+    """A copy of the package, with a change in one of its files."""
+    copy = shutil.copytree(PACKAGE, folder / "mobman", ignore=shutil.ignore_patterns("*.pyc"))
+    if file:
+        text = (copy / file).read_text(encoding="utf-8")
+        assert old in text
+        (copy / file).write_text(text.replace(old, new, 1), encoding="utf-8")
+    return folder
+
+
+def _run(folder, code, **environment):
+    """What code prints that imports a copy of the package."""
+    code = f"import sys; sys.path.insert(0, {str(folder)!r}); import mobman\n{code}"
+    code += f"\nassert mobman.__file__.startswith({str(folder)!r})"
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, **environment},
+    )
+    return done.stdout
+
+
+@pytest.mark.parametrize("file", ["linalg.py", "compiled.py"])
 def test_folder_is_named_after_all_that_decides_the_machine_code(file, tmp_path):
-    """Equations, the calling convention and the compiler's options."""
-    names = []
-    for change in ("", "# changed"):
-        copy = shutil.copytree(PACKAGE, tmp_path / f"with{change}" / "mobman")
-        path = copy / "kernels" / file
-        path.write_text(path.read_text(encoding="utf-8") + change, encoding="utf-8")
-        code = (
-            f"import sys; sys.path.insert(0, {str(copy.parent)!r}); import mobman.kernels.cache as c; "
-            f"assert c.__file__.startswith({str(copy)!r}); print(c.kernel_folder().name)"
-        )
-        done = subprocess.run(
-            [sys.executable, "-I", "-c", code], capture_output=True, text=True, check=True
-        )
-        names.append(done.stdout)
+    """Equations and the compiler's options."""
+    code = "from mobman.compiled import kernel_folder; print(kernel_folder().name)"
+    names = [
+        _run(_copy(tmp_path / "as it is"), code),
+        _run(_copy(tmp_path / "changed", file, '"""', '"""Changed. '), code),
+    ]
     assert names[0] != names[1]
+
+
+# Of a kernel that calls kernels of another file: what it computes, and how much was compiled for it.
+CALLER = """
+import numpy as np
+from mobman.compiled import bind
+from mobman.model.criterion import _gradient
+from mobman.model.dynamics import assemble_constraints
+A, A_rate = np.zeros((1, 2)), np.zeros((1, 2))
+index, x_dot, A_x = np.arange(2), np.array([1.0, 2.0]), np.ones((1, 2, 2))
+bind(assemble_constraints, index, x_dot, np.ones((1, 2)), A_x, A, A_rate)()
+print(A_rate.tolist(), sum(assemble_constraints.stats.cache_misses.values()))
+"""
+
+
+def test_an_edited_kernel_does_not_live_on_in_its_callers(tmp_path):
+    cache = str(tmp_path / "cache")
+    before = _copy(tmp_path / "before")
+    assert _run(before, CALLER, NUMBA_CACHE_DIR=cache) == "[[3.0, 3.0]] 1\n"
+    assert _run(before, CALLER, NUMBA_CACHE_DIR=cache) == "[[3.0, 3.0]] 0\n"
+    changed = "total += a[i] * b[i] + 10.0"  # of the dot product
+    after = _copy(tmp_path / "after", "linalg.py", "total += a[i] * b[i]", changed)
+    assert _run(after, CALLER, NUMBA_CACHE_DIR=cache) == "[[23.0, 23.0]] 1\n"
+
+
+USER = """
+from mobman.compiled import kernel
+from mobman.linalg import dot
+{imports}
+
+@kernel
+def one(x):
+    return {value}
+print(one.stats.cache_path is not None)
+"""
+
+
+@pytest.mark.parametrize(
+    ("imports", "value", "kept"),
+    [("", "dot(x, x)", True), ("from other import two", "two(x)", False)],
+    ids=["mobman's", "another file's"],
+)
+def test_kernel_that_calls_another_file_of_the_users_is_not_kept(imports, value, kept, tmp_path):
+    """Since numba would not see that file change."""
+    other = "from mobman.compiled import kernel\n\n@kernel\ndef two(x):\n    return x[0]\n"
+    (tmp_path / "other.py").write_text(other)
+    (tmp_path / "user.py").write_text(USER.format(imports=imports, value=value))
+    done = subprocess.run(
+        [sys.executable, tmp_path / "user.py"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"{kept}\n"
+
+
+MISSES = """
+import mobman as mm
+import gc
+record = mm.simulate("youbot", "tsm", "circle", duration=0.004)
+kernels = [one for one in gc.get_objects() if type(one).__name__ == "CPUDispatcher"]
+print(len(kernels) > 30, sum(sum(one.stats.cache_misses.values()) for one in kernels))
+"""
+
+
+def test_second_process_compiles_nothing():
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", MISSES], capture_output=True, text=True, check=True
+        )
+    assert done.stdout == "True 0\n"

@@ -24,7 +24,7 @@ import sys
 import numba
 import numpy as np
 assert numba.config.DISABLE_JIT
-from kernels.test_plain_path import RUNS, simulated
+from compiled.test_plain_path import RUNS, simulated
 np.savez(sys.argv[1], **{f"{i}/{name}": part for i, run in enumerate(RUNS)
                          for name, part in simulated(*run).items()})
 """
