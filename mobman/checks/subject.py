@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.model.assembly import Assembly
+from mobman.model.build import assemble
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.meshes import MeshReader, MeshReference, mesh_paths
@@ -122,7 +122,7 @@ class Subject:
             for link in file.parse().findall("link")
         }
         found = {}
-        for link in Assembly(self.robot.spec, self.robot.urdf).robot.findall("link"):
+        for link in assemble(self.robot.spec, self.robot.urdf).robot.findall("link"):
             name = str(link.get("name"))
             found[name] = _read_link(link, vertices, files.get(name, self._numbers))
         return found

@@ -1,4 +1,4 @@
-"""From a description and its URDF to a :class:`MobileManipulator`."""
+"""Build a :class:`MobileManipulator` from its description and URDF files."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.errors import SpecError
-from mobman.model.assembly import Assembly, platform_type
+from mobman.errors import SpecError, UnknownNameError
 from mobman.model.mobile_manipulator import Geometry, MobileManipulator
-from mobman.model.platforms.platform import Platform, Site
+from mobman.model.platforms.platform import Platform, Site, platforms
 from mobman.robots.catalogue import as_spec, find_spec
-from mobman.robots.spec import RobotSpec
-from mobman.robots.urdf.compose import LINK, flat_urdf
-from mobman.robots.urdf.meshes import MeshError, read_triangles
-from mobman.robots.urdf.read import UrdfSources, urdf_sources
+from mobman.robots.spec import RobotSpec, UrdfSource
+from mobman.robots.urdf.compose import LINK, Mounted, compose, flat_urdf
+from mobman.robots.urdf.meshes import MeshError, absolute_meshes, read_triangles
+from mobman.robots.urdf.read import UrdfFile, UrdfSources, urdf_sources
 from mobman.robots.urdf.validate import too_large
 
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
@@ -46,7 +46,7 @@ def load_robot(
 
 
 def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileManipulator:
-    """The robot that a description describes.
+    """Build a robot from its specification.
 
     Args:
         spec: The description.
@@ -57,7 +57,7 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     """
     where = spec.where
     sources = urdf_sources(spec) if sources is None else sources
-    assembly = Assembly(spec, sources)
+    assembly = assemble(spec, sources)
     if fault := too_large(assembly.robot):
         raise SpecError(f"{where}: the robot with all that is mounted on it: {fault}")
     # where the wheels are says where the platform's frame is
@@ -67,10 +67,11 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     locked = _locked(spec, assembly, platform, tree)
     model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", spec.rest))
     _give_back_names(model.frames)
-    if spec.arm.tip not in assembly.links:
+    links = [str(link.get("name")) for link in assembly.robot.findall("link")]
+    if spec.arm.tip not in links:
         raise SpecError(
             f"{where}: field 'arm.tip' is {spec.arm.tip!r}, which is no link of {sources}; its links: "
-            f"{', '.join(assembly.links)}"
+            f"{', '.join(links)}"
         )
     robot = MobileManipulator(
         spec=spec,
@@ -91,14 +92,13 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
         SpecError: If a mesh is missing or cannot be read.
     """
     spec, where = robot.spec, robot.spec.where
-    assembly = Assembly(spec, robot.urdf)
-    element = assembly.with_meshes()
+    assembly = assemble(spec, robot.urdf, with_meshes=True)
     try:
-        for name in {str(mesh.get("filename")) for mesh in element.iter("mesh")}:
+        for name in {str(mesh.get("filename")) for mesh in assembly.robot.iter("mesh")}:
             read_triangles(Path(name))  # elsewhere, since a damaged one may end the process
     except MeshError as error:
         raise SpecError(f"{where}: geometry of {robot.urdf}: {error}") from error
-    xml = _flat(element, where, robot.platform)
+    xml = _flat(assembly.robot, where, robot.platform)
     tree = _parse(spec, xml)
     models = []
     for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
@@ -117,8 +117,96 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
     return Geometry(visual=reduced[0], collision=reduced[1])
 
 
+class Assembly(NamedTuple):
+    """The parts of a robot, mounted on each other."""
+
+    robot: ET.Element
+    """The ``<robot>`` element of all parts together."""
+    locked: set[str]
+    """Names of the joints that do not move."""
+
+
+def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -> Assembly:
+    """The platform's URDF with what is mounted on it.
+
+    Args:
+        spec: The description.
+        sources: Its files.
+        with_meshes: Whether meshes have absolute paths, and must be there.
+
+    Raises:
+        SpecError: If a file is no URDF that makes sense, the parts do not fit together, a pattern of
+            ``lock`` matches nothing, a joint that follows another is not locked, or a mesh is missing.
+    """
+    where, files, locked = spec.where, list(sources.files), set[str]()
+    if spec.urdf is None:
+        platform = platform_type(spec).describe(spec.platform.parameters, where)
+    elif "body" in spec.platform.parameters:
+        raise SpecError(
+            f"{where}: fields 'urdf' and 'platform.body' are both there; allowed: one of them"
+        )
+    else:
+        field = f"{where}: field 'urdf"
+        platform = _part(spec.urdf, files.pop(0), field, "", with_meshes, locked)
+    mounted = []
+    for i, (mount, file) in enumerate(zip(spec.mount, files, strict=True)):
+        field = f"{where}: field 'mount[{i}]"
+        part = _part(mount, file, field, mount.prefix, with_meshes, locked)
+        mounted.append(Mounted(part, mount, field))
+    robot = compose(platform, mounted)
+    following = {name for name, joint in _movable(robot) if joint.find("mimic") is not None}
+    if free := following - locked:
+        raise SpecError(
+            f"{where}: the joints {', '.join(sorted(free))} follow others (<mimic>), which a motor for "
+            "each joint does not allow; lock them in field 'urdf.lock' (or that of the mount)"
+        )
+    return Assembly(robot, locked)
+
+
+def _part(
+    source: UrdfSource,
+    file: UrdfFile,
+    field: str,
+    prefix: str,
+    with_meshes: bool,
+    locked: set[str],
+) -> ET.Element:
+    """A part's ``<robot>`` element; the joints that its source locks are added to ``locked``."""
+    robot = file.parse()
+    names = [name for name, _ in _movable(robot)]
+    for pattern in source.lock:
+        matching = {prefix + name for name in names if fnmatchcase(name, pattern)}
+        if not matching:
+            raise SpecError(
+                f"{field}.lock': no movable joint matches {pattern!r}; the URDF has: "
+                f"{', '.join(names)}"
+            )
+        locked |= matching
+    if with_meshes:
+        absolute_meshes(robot, file)
+    return robot
+
+
+def _movable(robot: ET.Element) -> list[tuple[str, ET.Element]]:
+    """The joints that are not fixed, by name."""
+    joints = robot.findall("joint")
+    return [(str(one.get("name")), one) for one in joints if one.get("type") != "fixed"]
+
+
+def platform_type(spec: RobotSpec) -> type[Platform]:
+    """The platform's class.
+
+    Raises:
+        SpecError: If there is none of that name.
+    """
+    try:
+        return platforms.get(spec.platform.type)
+    except UnknownNameError as error:
+        raise SpecError(f"{spec.where}: field 'platform.type': {error}") from error
+
+
 def _give_back_names(named: Iterable[pin.Frame | pin.GeometryObject]) -> None:
-    """Give frames or shapes the names that their links have in the URDF, see :data:`flat.LINK`."""
+    """Give frames or shapes the names that their links have in the URDF, see :data:`LINK`."""
     for one in named:
         one.name = one.name.removeprefix(LINK)
 

@@ -14,10 +14,16 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from mobman.arrays import Array, Columns, Index, Matrix, Tensor, Vector
+from mobman.arrays import Array, Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.linalg import apply, dot
-from mobman.model.platforms.platform import Platform
+from mobman.linalg import apply
+from mobman.model.platforms.platform import (
+    Motion,
+    Platform,
+    assemble_constraints,
+    assemble_velocity,
+    gather,
+)
 
 
 class Structure(Protocol):
@@ -107,49 +113,44 @@ class Buffers:
         self.run_inertia, self.run_jacobians = run_inertia, run_jacobians
 
     @cached_property
-    def velocity(self) -> Callable[[], int]:
-        """Fills x, alpha, N, x_dot, N_rate, C, q_dot and C_dot_z, from q and z."""
-        index, equations = self._robot.platform_index, self._robot.platform.equations
-        x, x_dot, alpha, N, N_rate = self.x, self.x_dot, self.alpha, self.N, self.N_rate
+    def _motion(self) -> Motion:
+        mine = vars(self) | {"platform_index": self._robot.platform_index}
+        mine["arm_index"] = self._robot.arm_index
+        return Motion(*(mine[name] for name in Motion._fields))
+
+    @cached_property
+    def velocity(self) -> Callable[[], object]:
+        """Fills x, alpha, N, x_dot, N_rate, B'', C, q_dot and C_dot_z, from q and z."""
+        own, at = self._robot.platform.equations, self._motion
+        if own.velocities is not None:
+            return bind(own.velocities, own.parameters, at)
         return sequence(
-            bind(gather, index, self.q, self.z, x, alpha),
-            bind(equations.velocity_map, equations.parameters, x, N),
-            bind(apply, N, alpha, x_dot),
-            bind(equations.velocity_map_rate, equations.parameters, x, x_dot, N_rate),
-            bind(
-                assemble_velocity,
-                *(index, self._robot.arm_index, alpha, self.z, x_dot, N, N_rate),
-                *(self.q_dot, self.C, self.C_dot_z),
-            ),
+            bind(gather, at),
+            bind(own.velocity_map, own.parameters, at.x, at.N),
+            bind(apply, at.N, at.alpha, at.x_dot),
+            bind(own.velocity_map_rate, own.parameters, at.x, at.x_dot, at.N_rate),
+            bind(own.actuation, own.parameters, at.x, at.platform_B),
+            bind(assemble_velocity, at),
         )
 
     @cached_property
-    def constraints(self) -> Callable[[], int]:
+    def constraints(self) -> Callable[[], object]:
         """Fills A and its derivatives, after ``velocity``."""
-        equations, x, x_dot = self._robot.platform.equations, self.x, self.x_dot
-        rate, parameters = equations.constraint_derivative_rate, equations.parameters
+        own, at = self._robot.platform.equations, self._motion
+        if own.all_constraints is not None:
+            return bind(own.all_constraints, own.parameters, at)
         return sequence(
-            bind(equations.constraints, parameters, x, self.platform_A, self.A_x),
-            bind(rate, parameters, x, x_dot, self.A_x_rate),
-            bind(
-                assemble_constraints,
-                *(self._robot.platform_index, x_dot, self.platform_A, self.A_x),
-                *(self.A, self.A_rate),
-            ),
+            bind(own.constraints, own.parameters, at.x, at.platform_A, at.A_x),
+            bind(own.constraint_derivative_rate, own.parameters, at.x, at.x_dot, at.A_x_rate),
+            bind(assemble_constraints, at),
         )
 
     @cached_property
-    def actuation(self) -> Callable[[], None]:
-        """Fills the platform's B'', after ``velocity``."""
-        equations = self._robot.platform.equations
-        return bind(equations.actuation, equations.parameters, self.x, self.platform_B)
-
-    @cached_property
-    def inertia(self) -> Callable[[], int]:
+    def inertia(self) -> Callable[[], None]:
         """Fills M and B, after ``velocity`` and ``run_inertia`` or ``run_dynamics``."""
         index, arm_index = self._robot.platform_index, self._robot.arm_index
         given = (self.joint_inertia, index, arm_index, self.N, self.platform_B)
-        return sequence(self.actuation, bind(reduced_inertia, *given, self.M, self.B))
+        return bind(reduced_inertia, *given, self.M, self.B)
 
     @cached_property
     def bias_terms(self) -> Callable[[], None]:
@@ -170,57 +171,6 @@ class Buffers:
             *(placement.rotation, placement.translation, robot.tip_offset, robot.tip_chain),
             *(data.J, data.dJ, self.q_dot, self.tip, self.tip_jacobian, self.tip_jacobian_rate),
         )
-
-
-@kernel
-def gather(platform_index: Index, q: Vector, z: Vector, x: Vector, alpha: Vector) -> None:
-    """x and alpha out of q and z = (alpha, y')."""
-    for i in range(x.shape[0]):
-        x[i] = q[platform_index[i]]
-    for i in range(alpha.shape[0]):
-        alpha[i] = z[i]
-
-
-@kernel
-def assemble_velocity(
-    platform_index: Index,
-    arm_index: Index,
-    alpha: Vector,
-    z: Vector,
-    x_dot: Vector,
-    N: Matrix,
-    N_rate: Matrix,
-    q_dot: Vector,
-    C: Matrix,
-    C_dot_z: Vector,
-) -> None:
-    """C = blkdiag(N, I) of (9), q' = C z and C' z, in q's order."""
-    p = alpha.shape[0]
-    for i in range(x_dot.shape[0]):
-        row = platform_index[i]
-        q_dot[row] = x_dot[i]
-        C_dot_z[row] = dot(N_rate[i], alpha)
-        for j in range(p):
-            C[row, j] = N[i, j]
-    for j in range(arm_index.shape[0]):
-        q_dot[arm_index[j]] = z[p + j]
-        C[arm_index[j], p + j] = 1.0
-
-
-@kernel
-def assemble_constraints(
-    platform_index: Index,
-    x_dot: Vector,
-    platform_A: Matrix,
-    A_x: Tensor,
-    A: Matrix,
-    A_rate: Matrix,
-) -> None:
-    """[A 0] of (16) and its rate, in q's order."""
-    for i in range(platform_A.shape[0]):
-        for j in range(x_dot.shape[0]):
-            A[i, platform_index[j]] = platform_A[i, j]
-            A_rate[i, platform_index[j]] = dot(A_x[i, j], x_dot)
 
 
 @kernel

@@ -151,16 +151,18 @@ class ExtendedJacobian:
         )
 
     @cached_property
-    def _coordinates(self) -> Callable[[], int]:
+    def _evaluate_criterion(self) -> Callable[[], None]:
         now, at = self.buffers, self._at
-        return sequence(
-            criterion_entry(self._criterion, now.q, now.q_dot, at.g, at.H, at.H_rate),
-            bind(coordinates, at, self._own),
-        )
+        return criterion_entry(self._criterion, now.q, now.q_dot, at.g, at.H, at.H_rate)
 
     @cached_property
-    def _rates(self) -> Callable[[], None]:
-        return bind(rates, self._at, self._own)
+    def _auxiliary(self) -> Callable[[], int]:
+        return sequence(self._evaluate_criterion, bind(coordinates, self._at, self._own))
+
+    @cached_property
+    def _update(self) -> Callable[[], int]:
+        now, everything = self.buffers, bind(extended, self._at, self._own)
+        return sequence(now.constraints, now.tip_kinematics, self._evaluate_criterion, everything)
 
     def auxiliary(self) -> None:
         """Fill f and the complement, after the buffers' ``constraints`` and ``tip_kinematics``.
@@ -168,13 +170,8 @@ class ExtendedJacobian:
         Raises:
             SingularityError: If j has lost its rank.
         """
-        while status := self._coordinates():
-            if status != GAUGE_LOST:
-                raise SingularityError(
-                    "j j^T is singular to working precision: a kinematic singularity"
-                )
-            # the first state, or one far from the last
-            self.complement[:] = _nearest_complement(self._own.j, self._own.rows)
+        while status := self._auxiliary():
+            self._resolve(status)
 
     def update(self) -> None:
         """Fill f, J and J' z, after the buffers' ``velocity`` and ``run_jacobians``.
@@ -182,10 +179,16 @@ class ExtendedJacobian:
         Raises:
             SingularityError: If j has lost its rank.
         """
-        self.buffers.constraints()
-        self.buffers.tip_kinematics()
-        self.auxiliary()
-        self._rates()
+        while status := self._update():
+            self._resolve(status)
+
+    def _resolve(self, status: int) -> None:
+        if status != GAUGE_LOST:
+            raise SingularityError(
+                "j j^T is singular to working precision: a kinematic singularity"
+            )
+        # the first state, or one far from the last
+        self.complement[:] = _nearest_complement(self._own.j, self._own.rows)
 
     def at(self, q: Array, z: Array) -> None:
         """Compute f, J and J' z at (q, z).
@@ -199,6 +202,15 @@ class ExtendedJacobian:
         now.velocity()
         now.run_jacobians()
         self.update()
+
+
+@kernel
+def extended(at: Given, own: Found) -> int:
+    """f, J and J' z."""
+    status = coordinates(at, own)
+    if status == 0:
+        rates(at, own)
+    return status
 
 
 @kernel

@@ -214,56 +214,51 @@ class MobileManipulator:
     def constraint_matrix(self, q: Array) -> Array:
         """[A(x) 0] of (1) and (16) in q's order, shape (k, nq)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        matrix = np.zeros((self.k, self.nq))
-        matrix[:, self.platform_index] = self.platform.constraint_matrix(x)
-        return matrix
+        return self._columns(self.platform.constraint_matrix(x))
 
     def constraint_matrix_rate(self, q: Array, q_dot: Array) -> Array:
         """d/dt of :meth:`constraint_matrix` along q', shape (k, nq)."""
-        q, q_dot = _vector("q", q, self.nq), _vector("q_dot", q_dot, self.nq)
-        rate = np.zeros((self.k, self.nq))
         index = self.platform_index
-        rate[:, index] = self.platform.constraint_matrix_rate(q[index], q_dot[index])
-        return rate
+        x, x_dot = _vector("q", q, self.nq)[index], _vector("q_dot", q_dot, self.nq)[index]
+        return self._columns(self.platform.constraint_matrix_rate(x, x_dot))
 
     def constraint_hessian(self, q: Array, multiplier: Array) -> Array:
         """d([A 0]^T lam)/dq at fixed lam of shape (k,), shape (nq, nq)."""
-        q, multiplier = _vector("q", q, self.nq), _vector("multiplier", multiplier, self.k)
-        hessian = np.zeros((self.nq, self.nq))
-        hessian[np.ix_(self.platform_index, self.platform_index)] = (
-            self.platform.constraint_hessian(q[self.platform_index], multiplier)
-        )
-        return hessian
+        x = _vector("q", q, self.nq)[self.platform_index]
+        multiplier = _vector("multiplier", multiplier, self.k)
+        return self._columns(self._columns(self.platform.constraint_hessian(x, multiplier)).T).T
 
     def constraint_hessian_rate(self, q: Array, q_dot: Array, multiplier: Array) -> Array:
         """d/dt of :meth:`constraint_hessian` along q' at fixed lam, shape (nq, nq)."""
-        q, q_dot = _vector("q", q, self.nq), _vector("q_dot", q_dot, self.nq)
-        multiplier = _vector("multiplier", multiplier, self.k)
-        rate = np.zeros((self.nq, self.nq))
         index = self.platform_index
-        rate[np.ix_(index, index)] = self.platform.constraint_hessian_rate(
-            q[index], q_dot[index], multiplier
-        )
-        return rate
+        x, x_dot = _vector("q", q, self.nq)[index], _vector("q_dot", q_dot, self.nq)[index]
+        multiplier = _vector("multiplier", multiplier, self.k)
+        rate = self.platform.constraint_hessian_rate(x, x_dot, multiplier)
+        return self._columns(self._columns(rate).T).T
 
     def velocity_map(self, q: Array) -> Array:
         """C(q) = blkdiag(N, I) of (9), q' = C z, shape (nq, nz)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        c = np.zeros((self.nq, self.nz))
-        c[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
-        c[np.ix_(self.platform_index, np.arange(self.n_alpha))] = self.platform.velocity_map(x)
-        return c
+        return self._by_velocity(self.platform.velocity_map(x), 1.0)
 
     def velocity_map_rate(self, q: Array, z: Array) -> Array:
         """dC/dt along q' = C z, shape (nq, nz)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        alpha = _vector("z", z, self.nz)[: self.n_alpha]
-        rate = np.zeros((self.nq, self.nz))
-        x_dot = self.platform.velocity_map(x) @ alpha
-        rate[np.ix_(self.platform_index, np.arange(self.n_alpha))] = (
-            self.platform.velocity_map_rate(x, x_dot)
-        )
-        return rate
+        x_dot = self.platform.velocity_map(x) @ _vector("z", z, self.nz)[: self.n_alpha]
+        return self._by_velocity(self.platform.velocity_map_rate(x, x_dot), 0.0)
+
+    def _columns(self, block: Array) -> Array:
+        """A matrix whose columns belong to x, as one whose columns belong to q."""
+        matrix = np.zeros((len(block), self.nq))
+        matrix[:, self.platform_index] = block
+        return matrix
+
+    def _by_velocity(self, block: Array, arm: float) -> Array:
+        """A matrix from alpha to x, and a number for each joint of the arm, as one from z to q."""
+        matrix = np.zeros((self.nq, self.nz))
+        matrix[np.ix_(self.platform_index, np.arange(self.n_alpha))] = block
+        matrix[self.arm_index, np.arange(self.n_alpha, self.nz)] = arm
+        return matrix
 
     def velocity(self, q: Array, z: Array) -> Velocity:
         """C, C z and C' z at (q, z)."""
@@ -275,10 +270,7 @@ class MobileManipulator:
     def actuation(self, q: Array) -> Array:
         """B'(q) of (16): the generalised forces that each command makes, shape (nq, nz)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        matrix = np.zeros((self.nq, self.nz))
-        matrix[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
-        matrix[np.ix_(self.platform_index, np.arange(self.n_alpha))] = self.platform.actuation(x)
-        return matrix
+        return self._by_velocity(self.platform.actuation(x), 1.0)
 
     def reduced_inertia(self, q: Array) -> Array:
         """M = C^T M' C of (17) by itself, shape (nz, nz); :meth:`dynamics` is for many calls."""

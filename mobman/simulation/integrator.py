@@ -217,7 +217,7 @@ def _steps_of(length: float) -> int:
 
 @kernel
 def divergence(q: Vector, z: Vector, tip: Vector, p_d: Matrix) -> int:
-    """A :class:`Divergence`.
+    """The number of a :class:`Divergence`; as an enum it would be made in Python, which takes 2 us.
 
     Args:
         q: Configuration, shape (nq,).
@@ -227,20 +227,20 @@ def divergence(q: Vector, z: Vector, tip: Vector, p_d: Matrix) -> int:
     """
     for i in range(q.shape[0]):
         if not math.isfinite(q[i]):
-            return Divergence.STATE
+            return Divergence.STATE.value
     for i in range(z.shape[0]):
         if not math.isfinite(z[i]):
-            return Divergence.STATE
+            return Divergence.STATE.value
     for i in range(p_d.shape[1]):
         if not math.isfinite(tip[i] - p_d[0, i]):
-            return Divergence.DESIRED
+            return Divergence.DESIRED.value
     for i in range(z.shape[0]):
         if abs(z[i]) > FASTEST:
-            return Divergence.FAST
+            return Divergence.FAST.value
     for i in range(p_d.shape[1]):
         if abs(tip[i] - p_d[0, i]) > FARTHEST:
-            return Divergence.FAR
-    return Divergence.NO
+            return Divergence.FAR.value
+    return Divergence.NO.value
 
 
 @kernel

@@ -283,7 +283,7 @@ class Loop:
             now.tip_kinematics,
             now.constraints,
             task_entry(self.task, self._t, p_d),
-            plant.motion,
+            *([plant.motion] if plant.slips else []),
             bind(
                 _look,
                 *(self._tick, now.q, now.z, now.tip, p_d),

@@ -119,23 +119,21 @@ class Plant:
         """Fills M, its factor, bias, B and what friction there is, after the buffers' ``velocity`` and
         ``run_dynamics``. NOT_DEFINITE if M is not positive definite."""
         now, robot, forces = self.now, self.robot, self.forces
-        entries = [
-            now.actuation,
-            bind(
-                _dynamics,
-                *(now.joint_inertia, now.nonlinear, robot.platform_index, robot.arm_index),
-                *(now.N, now.platform_B, now.C_dot_z, now.M, now.B, now.bias, forces.lower),
-            ),
-        ]
-        if self._friction:
-            # the axes' rates B^T z: by them the motors' torques v have the power z^T B v
-            rate = np.zeros(robot.nz)
-            entries += [
-                bind(apply_transpose, now.B, now.z, rate),
-                partial(np.copyto, forces.d, self._external),
-                *(part.entry(rate, forces.d) for part in self._friction),
-            ]
-        return sequence(*entries)
+        dynamics = bind(
+            _dynamics,
+            *(now.joint_inertia, now.nonlinear, robot.platform_index, robot.arm_index),
+            *(now.N, now.platform_B, now.C_dot_z, now.M, now.B, now.bias, forces.lower),
+        )
+        if not self._friction:
+            return dynamics
+        # the axes' rates B^T z: by them the motors' torques v have the power z^T B v
+        rate = np.zeros(robot.nz)
+        return sequence(
+            dynamics,
+            bind(apply_transpose, now.B, now.z, rate),
+            partial(np.copyto, forces.d, self._external),
+            *(part.entry(rate, forces.d) for part in self._friction),
+        )
 
     @cached_property
     def motion(self) -> Callable[[], int]:

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.model.assembly import Assembly
+from mobman.model.build import assemble
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.meshes import mesh_paths
@@ -223,7 +223,7 @@ def _urdf_parts(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[
     looks: list[tuple[str, ET.Element, ET.Element, MeshKey | None]] = []
     names: dict[MeshKey, str] = {}
     seen: set[MeshKey] = set()
-    for link in Assembly(spec, robot.urdf).robot.iter("link"):
+    for link in assemble(spec, robot.urdf).robot.iter("link"):
         name = str(link.get("name"))
         for look in [*link.findall("visual"), *link.findall("collision")]:
             shape, key = shape_of(look), None

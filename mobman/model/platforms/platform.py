@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from mobman.arrays import Array
-from mobman.compiled import plain
+from mobman.arrays import Array, Index, Matrix, Tensor, Vector
+from mobman.compiled import kernel, plain
 from mobman.errors import SpecError
+from mobman.linalg import dot
 from mobman.registry import Registry
 from mobman.robots.urdf.compose import BASE_JOINTS
 
@@ -40,6 +41,29 @@ class Site(NamedTuple):
     """What relative paths in the description start from."""
 
 
+class Motion(NamedTuple):
+    """A platform's part of a robot's kinematics, see :class:`mobman.model.dynamics.Buffers`."""
+
+    platform_index: Index
+    arm_index: Index
+    q: Vector
+    z: Vector
+    x: Vector
+    x_dot: Vector
+    alpha: Vector
+    N: Matrix
+    N_rate: Matrix
+    platform_B: Matrix
+    q_dot: Vector
+    C: Matrix
+    C_dot_z: Vector
+    platform_A: Matrix
+    A_x: Tensor
+    A_x_rate: Tensor
+    A: Matrix
+    A_rate: Matrix
+
+
 class Equations(NamedTuple):
     """A platform's A and N as functions that write into arrays.
 
@@ -60,6 +84,11 @@ class Equations(NamedTuple):
     actuation: Callable[[Array, Array, Array], None]
     """(parameters, x, B): B'' of (16), the generalised forces of x that each command makes; shape
     (l, l-k). For motors on the coordinates themselves it is a selection of them."""
+    velocities: Callable[[Array, Motion], None] | None = None
+    """(parameters, motion): all that belongs to the velocity in one kernel, for speed; see
+    :func:`gather`. By default the functions above are called one by one."""
+    all_constraints: Callable[[Array, Motion], None] | None = None
+    """(parameters, motion): the same of the constraints; see :func:`assemble_constraints`."""
 
 
 class Platform(ABC):
@@ -171,3 +200,40 @@ class Platform(ABC):
 
 
 platforms: Registry[type[Platform]] = Registry("platform type", "mobman.model.platforms")
+
+
+# What every platform has in common: kernels for :attr:`Equations.velocities`, in this order with the
+# platform's own N, x' = N alpha, N' and B'' between them, and for :attr:`Equations.all_constraints`.
+
+
+@kernel
+def gather(at: Motion) -> None:
+    """x and alpha out of q and z = (alpha, y')."""
+    for i in range(at.x.shape[0]):
+        at.x[i] = at.q[at.platform_index[i]]
+    for i in range(at.alpha.shape[0]):
+        at.alpha[i] = at.z[i]
+
+
+@kernel
+def assemble_velocity(at: Motion) -> None:
+    """C = blkdiag(N, I) of (9), q' = C z and C' z, in q's order."""
+    p = at.alpha.shape[0]
+    for i in range(at.x.shape[0]):
+        row = at.platform_index[i]
+        at.q_dot[row] = at.x_dot[i]
+        at.C_dot_z[row] = dot(at.N_rate[i], at.alpha)
+        for j in range(p):
+            at.C[row, j] = at.N[i, j]
+    for j in range(at.arm_index.shape[0]):
+        at.q_dot[at.arm_index[j]] = at.z[p + j]
+        at.C[at.arm_index[j], p + j] = 1.0
+
+
+@kernel
+def assemble_constraints(at: Motion) -> None:
+    """[A 0] of (16) and its rate, in q's order, from A and its derivatives."""
+    for i in range(at.platform_A.shape[0]):
+        for j in range(at.x.shape[0]):
+            at.A[i, at.platform_index[j]] = at.platform_A[i, j]
+            at.A_rate[i, at.platform_index[j]] = dot(at.A_x[i, j], at.x_dot)
