@@ -58,7 +58,8 @@ def kernel(function: Function) -> Function:
     The function writes into arrays that it is given, allocates nothing, and returns None, a number, or a
     status: 0, or what went wrong. It may call other kernels.
     """
-    keep = not unsafe() and not _calls_other_files(function)
+    in_a_file = Path(function.__code__.co_filename).is_file()  # else typed in, say
+    keep = in_a_file and not unsafe() and not _calls_other_files(function)
     before = numba.config.CACHE_DIR  # where others keep theirs is not changed
     numba.config.CACHE_DIR = str(kernel_folder())
     try:

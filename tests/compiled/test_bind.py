@@ -129,3 +129,12 @@ def test_sequence_ends_with_the_first_status():
     assert run() == 5
     assert x.tolist() == [2.0, 2.0]
     assert sequence()() == 0
+
+
+def test_kernel_without_a_file():
+    """Typed in, say."""
+    names: dict = {}
+    exec("def double(x):\n    for i in range(x.shape[0]):\n        x[i] *= 2.0", names)
+    x = np.arange(3.0)
+    bind(kernel(names["double"]), x)()
+    assert x.tolist() == [0.0, 2.0, 4.0]
