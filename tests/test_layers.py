@@ -32,7 +32,8 @@ def _linted(folder):
 def test_every_package_is_in_a_layer():
     packages = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
     named = {name for layer in LAYERS for name in layer.split(" | ")}
-    assert packages == named
+    modules = {name for name in named if (PACKAGE / f"{name}.py").is_file()}
+    assert packages == named - modules
 
 
 def test_no_module_imports_the_facade():
@@ -60,7 +61,7 @@ def test_contracts_see_an_import_upward_and_one_in_a_circle(tmp_path):
     assert status == 0, text
     for module, line in {
         "robots/spec.py": "def f():\n    import mobman.simulation.record\n",
-        "model/limits.py": "if False:\n    import mobman.model.mobile_manipulator\n",
+        "model/dynamics.py": "if False:\n    import mobman.model.mobile_manipulator\n",
     }.items():
         path = tmp_path / "mobman" / module
         before = path.read_text(encoding="utf-8")

@@ -314,23 +314,22 @@ def test_folder_is_named_after_all_that_decides_the_machine_code(file, tmp_path)
 CALLER = """
 import numpy as np
 from mobman.compiled import bind
-from mobman.model.criterion import _gradient
-from mobman.model.dynamics import assemble_constraints
-A, A_rate = np.zeros((1, 2)), np.zeros((1, 2))
-index, x_dot, A_x = np.arange(2), np.array([1.0, 2.0]), np.ones((1, 2, 2))
-bind(assemble_constraints, index, x_dot, np.ones((1, 2)), A_x, A, A_rate)()
-print(A_rate.tolist(), sum(assemble_constraints.stats.cache_misses.values()))
+from mobman.controllers.task_errors import tip_rates
+J_f, rate, C = np.array([[1.0, 2.0]]), np.zeros((1, 2)), np.eye(2)
+J, J_dot_z = np.zeros((1, 2)), np.zeros(1)
+bind(tip_rates, J_f, rate, C, np.ones(2), np.array([1.0, 2.0]), J, J_dot_z)()
+print(J_dot_z.tolist(), sum(tip_rates.stats.cache_misses.values()))
 """
 
 
 def test_an_edited_kernel_does_not_live_on_in_its_callers(tmp_path):
     cache = str(tmp_path / "cache")
     before = _copy(tmp_path / "before")
-    assert _run(before, CALLER, NUMBA_CACHE_DIR=cache) == "[[3.0, 3.0]] 1\n"
-    assert _run(before, CALLER, NUMBA_CACHE_DIR=cache) == "[[3.0, 3.0]] 0\n"
+    assert _run(before, CALLER, NUMBA_CACHE_DIR=cache) == "[5.0] 1\n"
+    assert _run(before, CALLER, NUMBA_CACHE_DIR=cache) == "[5.0] 0\n"
     changed = "total += a[i] * b[i] + 10.0"  # of the dot product
     after = _copy(tmp_path / "after", "linalg.py", "total += a[i] * b[i]", changed)
-    assert _run(after, CALLER, NUMBA_CACHE_DIR=cache) == "[[23.0, 23.0]] 1\n"
+    assert _run(after, CALLER, NUMBA_CACHE_DIR=cache) == "[45.0] 1\n"
 
 
 USER = """
