@@ -129,8 +129,8 @@ def _fits(argument: Any) -> bool:
         return all(map(_fits, argument))
     if not isinstance(argument, np.ndarray):
         return isinstance(argument, (int, float, np.integer, np.floating))
-    flags = argument.flags
-    return argument.dtype in _TYPES and flags.forc and flags.aligned and flags.writeable
+    flags, known = argument.flags, argument.dtype in _TYPES or argument.dtype.names is not None
+    return known and flags.forc and flags.aligned and flags.writeable
 
 
 def _described(argument: Any) -> str:

@@ -8,7 +8,6 @@ stage makes z' follow v_ref, v' = B^T u or B^-1 u. All that a tick computes is :
 from __future__ import annotations
 
 import math
-from collections import namedtuple
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from fractions import Fraction
@@ -49,16 +48,6 @@ class SlidingGains:
     """Gains of both stages, and how they are sampled; defaults are the paper's, section 4, but for
     ``a`` and ``A``."""
 
-    lambda_0: Diagonal = gain(1.0, _MIXED, "lambda_0 of (31)")
-    lambda_1: Diagonal = gain(11.0, _MIXED, "lambda_1 of (31)")
-    lambda_2: Diagonal = gain(6.0, _MIXED, "lambda_2 of (31)")
-    c: float = gain(2.0, "1", "c of (34), at least 1")
-    c_0: float = gain(1.0, "m/s^3", "c_0 of (34)")
-    a: float | Auto = gain("auto", "1", "lower bound of lambda_min(J J^T), (22)")
-    w_1: float = gain(1.5, "1", "bound of |J|, |dJ/dq|, |d2J/dq2|, (21)")
-    w_2: float = gain(0.001, "rad^-1", "growth of that bound with |q - q_rest|, (21)")
-    w_3k: float = gain(2.0, "1", "factor of |v_ref||z| in W, (34)")
-    w_4k: float = gain(3.0, "1", "factor of |z|^3 in W, (34)")
     Lambda_0: Diagonal = gain(11.0, _MIXED, "Lambda_0 of (51)")
     Lambda_1: Diagonal = gain(6.0, _MIXED, "Lambda_1 of (51)")
     alpha_1: Fraction | float | str = gain("3/5", "1", "n1/n2 of (51), both odd, n1 < n2 < 2 n1")
@@ -76,6 +65,16 @@ class SlidingGains:
     w_9: float = gain(6.0, "kg m^2", "factor of |z||z'| in chi, (53)")
     beta_0: float = gain(0.0, "N m", "bound of |D|, (18)")
     beta_1: float = gain(0.0, "N m/s", "bound of |D'|, (18)")
+    lambda_0: Diagonal = gain(1.0, _MIXED, "lambda_0 of (31)")
+    lambda_1: Diagonal = gain(11.0, _MIXED, "lambda_1 of (31)")
+    lambda_2: Diagonal = gain(6.0, _MIXED, "lambda_2 of (31)")
+    c: float = gain(2.0, "1", "c of (34), at least 1")
+    c_0: float = gain(1.0, "m/s^3", "c_0 of (34)")
+    a: float | Auto = gain("auto", "1", "lower bound of lambda_min(J J^T), (22)")
+    w_1: float = gain(1.5, "1", "bound of |J|, |dJ/dq|, |d2J/dq2|, (21)")
+    w_2: float = gain(0.001, "rad^-1", "growth of that bound with |q - q_rest|, (21)")
+    w_3k: float = gain(2.0, "1", "factor of |v_ref||z| in W, (34)")
+    w_4k: float = gain(3.0, "1", "factor of |z|^3 in W, (34)")
     c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
     K_F: Diagonal | None = gain(
         None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
@@ -105,13 +104,12 @@ class SlidingGains:
 
 # The law as the paper has it --------------------------------------------------------------------------
 
-_NOT_IN_THE_LAW = {"lambda_0", "lambda_1", "c_F", "K_F", "discretization"}
-_DERIVED = ["lambda_0_97", "lambda_1_35", "alpha_2", "implicit", "inverse", "dt"]
-InForce: Any = namedtuple(  # type: ignore[misc]  # SlidingGains says what is in it
-    "InForce",
-    [field.name for field in fields(SlidingGains) if field.name not in _NOT_IN_THE_LAW] + _DERIVED,
-)
-"""The gains as numbers, diagonals as vectors; lambda_0^(9/7), lambda_1^(3/5) and alpha_2; the period."""
+_NUMBERS = ["a", "A", "dt", "alpha_1", "alpha_2"] + [
+    field.name for field in fields(SlidingGains) if field.type == "float"
+]
+_FLAGS = ["implicit", "inverse"]
+IN_FORCE = np.dtype([*((name, float) for name in _NUMBERS), *((name, bool) for name in _FLAGS)])
+"""The gains as the law has them; those that are diagonal are with the stages."""
 
 
 class Stage(NamedTuple):
@@ -127,6 +125,8 @@ class Stage(NamedTuple):
     """s' without control, but for what W or chi bounds."""
     n: Vector
     """The unit vector."""
+    gains: Matrix
+    """Diagonals: lambda_0^(9/7), lambda_1^(3/5) and lambda_2, or Lambda_0 and Lambda_1."""
     metric: Matrix
     gram: Matrix
     """See :func:`implicit_unit_vector`."""
@@ -134,11 +134,12 @@ class Stage(NamedTuple):
     work: Matrix
 
     @classmethod
-    def of(cls, p: int) -> Stage:
+    def of(cls, *gains: Array) -> Stage:
         """A stage with an empty integral, and I for the metric."""
+        p = len(gains[0])
         s, integral, g, drift, n, b = np.zeros((6, p))
         square, work = np.zeros((p, p)), np.zeros((p + 2, p))
-        return cls(s, integral, g, drift, n, np.eye(p), square, b, work)
+        return cls(s, integral, g, drift, n, np.array(gains), np.eye(p), square, b, work)
 
 
 class Held(NamedTuple):
@@ -166,7 +167,7 @@ _REASONS = {
 
 @kernel
 def sliding_law(
-    k: Any,
+    gains: Any,
     kinematic: Stage,
     dynamic: Stage,
     held: Held,
@@ -182,6 +183,7 @@ def sliding_law(
     B: Matrix,
 ) -> int:
     """From the state at a tick's start to the torque v that is held over it; 0, or a :class:`Stop`."""
+    k = gains[0]
     stop = kinematic_stage(k, kinematic, held, f, J, J_dot_z, p_d, q, q_rest, z)
     if stop == 0:
         stop = dynamic_stage(k, dynamic, held, z, z_dot, M, B)
@@ -205,14 +207,15 @@ def kinematic_stage(
 ) -> int:
     """v_ref' = J^T u_ref (35) of u_ref (34); (43) of (44) where f and J are the tip's."""
     s, g, v_ref = stage.s, stage.g, held.v_ref
+    lambda_0_97, lambda_1_35, lambda_2 = stage.gains[0], stage.gains[1], stage.gains[2]
     for i in range(s.shape[0]):
         # errors of (26), the second derivative along the reference
         e = f[i] - desired(p_d, 0, i)
         e_dot = dot(J[i], z) - desired(p_d, 1, i)
         e_ddot = dot(J[i], v_ref) + J_dot_z[i] - desired(p_d, 2, i)
         # s and the integrand g in it (31)
-        bracket = power(e_dot, 9 / 7) + k.lambda_0_97[i] * e
-        g[i] = k.lambda_2[i] * (power(e_ddot, 3 / 5) + k.lambda_1_35[i] * power(bracket, 1 / 3))
+        bracket = power(e_dot, 9 / 7) + lambda_0_97[i] * e
+        g[i] = lambda_2[i] * (power(e_ddot, 3 / 5) + lambda_1_35[i] * power(bracket, 1 / 3))
         s[i] = e_ddot + stage.integral[i]
         stage.drift[i] = g[i] - desired(p_d, 3, i)
     # W under (34), with the bound of (21)
@@ -238,12 +241,12 @@ def dynamic_stage(
 ) -> int:
     """v' = B^T u (56) of u (55), or B^-1 u (65) of u (66)."""
     S, G = stage.s, stage.g
-    nz = S.shape[0]
+    nz, Lambda_0, Lambda_1 = S.shape[0], stage.gains[0], stage.gains[1]
     for i in range(nz):
         E = z[i] - held.integral_v_ref[i]  # (45)
         E_dot = z_dot[i] - held.v_ref[i]
         # S and the integrand G in it (51)
-        G[i] = k.Lambda_0[i] * power(E, k.alpha_1) + k.Lambda_1[i] * power(E_dot, k.alpha_2)
+        G[i] = Lambda_0[i] * power(E, k.alpha_1) + Lambda_1[i] * power(E_dot, k.alpha_2)
         S[i] = E_dot + stage.integral[i]
         stage.drift[i] = G[i] - held.v_ref_dot[i]
     # chi under (53)
@@ -310,34 +313,40 @@ def power(x: float, exponent: float) -> float:
     return math.copysign(math.pow(abs(x), exponent), x)
 
 
-def in_force(
-    gains: SlidingGains, p: int, nz: int, dt: float, a: float, A: float, inverse: bool
-) -> Any:
-    """The gains of p task errors and nz velocities, with the bounds (22) and (54) or (64).
+def kinematic(gains: SlidingGains, p: int) -> Stage:
+    """The stage of p task errors.
 
     Raises:
         GainError: If a gain has the wrong length.
     """
-    alpha_1 = float(Fraction(gains.alpha_1))
-    values: dict[str, Any] = dict(
-        vars(gains),
-        a=a,
-        A=A,
-        lambda_0_97=diagonal("lambda_0", gains.lambda_0, p) ** (9 / 7),
-        lambda_1_35=diagonal("lambda_1", gains.lambda_1, p) ** (3 / 5),
-        lambda_2=diagonal("lambda_2", gains.lambda_2, p),
-        Lambda_0=diagonal("Lambda_0", gains.Lambda_0, nz),
-        Lambda_1=diagonal("Lambda_1", gains.Lambda_1, nz),
-        alpha_1=alpha_1,
-        alpha_2=2.0 * alpha_1 / (1.0 + alpha_1),
-        implicit=gains.discretization == "implicit",
-        inverse=inverse,
-        dt=dt,
+    lambda_0, lambda_1, lambda_2 = (
+        diagonal(name, getattr(gains, name), p) for name in ("lambda_0", "lambda_1", "lambda_2")
     )
+    return Stage.of(lambda_0 ** (9 / 7), lambda_1 ** (3 / 5), lambda_2)
+
+
+def dynamic(gains: SlidingGains, nz: int) -> Stage:
+    """The stage of nz velocities.
+
+    Raises:
+        GainError: If a gain has the wrong length.
+    """
+    return Stage.of(
+        *(diagonal(name, getattr(gains, name), nz) for name in ("Lambda_0", "Lambda_1"))
+    )
+
+
+def in_force(gains: SlidingGains, dt: float, a: float, A: float, inverse: bool) -> Any:
+    """The other gains, with the bounds (22) and (54) or (64), shape (1,)."""
+    alpha_1 = float(Fraction(gains.alpha_1))
+    values = vars(gains) | {"a": a, "A": A, "dt": dt, "inverse": inverse}
+    values |= {"alpha_1": alpha_1, "alpha_2": 2.0 * alpha_1 / (1.0 + alpha_1)}
+    values["implicit"] = gains.discretization == "implicit"
     if inverse:  # chi' of (66)
-        values["w_7"], values["w_8"] = 1.0, 0.0
-    numbers = (values[name] for name in InForce._fields)
-    return InForce(*(x if isinstance(x, (bool, np.ndarray)) else float(x) for x in numbers))
+        values |= {"w_7": 1.0, "w_8": 0.0}
+    found = np.recarray(1, IN_FORCE)
+    found[0] = tuple(values[name] for name in _NUMBERS + _FLAGS)
+    return found
 
 
 # The controllers --------------------------------------------------------------------------------------
@@ -372,11 +381,12 @@ class TerminalSlidingMode:
         self._settings = as_settings(self.gains) | {"a": a, "A": A}
         now, nz = space.now, robot.nz
         self._now, self._z_dot = now, np.zeros(nz)
-        self._kinematic, self._dynamic = Stage.of(space.p), Stage.of(nz)
+        self._kinematic = kinematic(self.gains, space.p)
+        self._dynamic = dynamic(self.gains, nz)
         self._held = Held(*np.zeros((5, nz)))
         self._law = bind(
             sliding_law,
-            in_force(self.gains, space.p, nz, dt, a, A, self.inverse_actuation),
+            in_force(self.gains, dt, a, A, self.inverse_actuation),
             *(self._kinematic, self._dynamic, self._held),
             *(space.f, space.J, space.J_dot_z, space.p_d),
             *(now.q, robot.q_rest, now.z, self._z_dot, now.M, now.B),

@@ -70,7 +70,7 @@ def test_sliding_variable_starts_as_the_acceleration_error():
     alone = KinematicStageAlone(2, DT, a=1.0, A=1.0)
     p_ddot = np.array([3.0, -1.0])
     alone.step(np.ones(2), np.ones(2), p_ddot, np.zeros(2), np.zeros(2))
-    assert np.allclose(alone.stage.s, -p_ddot)
+    assert np.allclose(alone.kinematic.s, -p_ddot)
 
 
 def test_reference_is_integrated_exactly():

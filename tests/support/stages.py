@@ -7,21 +7,23 @@ import numpy as np
 from mobman.controllers.tsm import (
     Held,
     SlidingGains,
-    Stage,
+    dynamic,
     dynamic_stage,
     in_force,
     integrate,
+    kinematic,
     kinematic_stage,
 )
 
 
 class StageAlone:
-    """One of the stages; the other one does nothing. Options: as those of SlidingGains."""
+    """Both stages of p components, of which one is used; gains as those of SlidingGains."""
 
     def __init__(self, p, dt, *, inverse=False, **gains):
         gains = SlidingGains(**gains)
-        self.stage, self._other, self.held = Stage.of(p), Stage.of(p), Held(*np.zeros((5, p)))
-        self.k = in_force(gains, p, p, dt, gains.a, gains.A, inverse)
+        self.kinematic, self.dynamic = kinematic(gains, p), dynamic(gains, p)
+        self.dt, self.held = dt, Held(*np.zeros((5, p)))
+        self.k = in_force(gains, dt, gains.a, gains.A, inverse)[0]
 
 
 class KinematicStageAlone(StageAlone):
@@ -34,14 +36,15 @@ class KinematicStageAlone(StageAlone):
         p_d = np.array([np.zeros(p), z - e_dot, p_ddot, p_dddot])
         at_rest = np.zeros(p)
         stop = kinematic_stage(
-            self.k, self.stage, self.held, e.copy(), np.eye(p), at_rest, p_d, at_rest, at_rest, z
+            *(self.k, self.kinematic, self.held, e.copy(), np.eye(p), at_rest, p_d),
+            *(at_rest, at_rest, z),
         )
         assert stop == 0
         return self.held.v_ref_dot.copy()
 
     def advance(self):
         """v_ref and all integrals a tick later."""
-        integrate(self.k.dt, self.stage, self._other, self.held)
+        integrate(self.dt, self.kinematic, self.dynamic, self.held)
 
 
 class DynamicStageAlone(StageAlone):
@@ -55,8 +58,7 @@ class DynamicStageAlone(StageAlone):
         """The torque for a tick."""
         held = self.held
         held.v_ref[:], held.integral_v_ref[:], held.v_ref_dot[:] = v_ref, integral_v_ref, v_ref_dot
-        assert (
-            dynamic_stage(self.k, self.stage, held, z, z_dot, self._inertia, self._actuation) == 0
-        )
-        integrate(self.k.dt, self._other, self.stage, held)
+        robot = (self._inertia, self._actuation)
+        assert dynamic_stage(self.k, self.dynamic, held, z, z_dot, *robot) == 0
+        integrate(self.dt, self.kinematic, self.dynamic, held)
         return held.v.copy()

@@ -25,10 +25,10 @@ def implicit_unit_vector(metric, gram, b, boundary_layer=0.0) -> np.ndarray:
 def sampled_unit_vector(discretization, boundary_layer, s, drift, metric, gram) -> np.ndarray:
     """n as the stages choose it for a tick that starts at s and would end at s + drift."""
     gains = tsm.SlidingGains(discretization=discretization, boundary_layer=boundary_layer)
-    stage = tsm.Stage.of(len(s))
+    stage = tsm.kinematic(gains, len(s))
     given = ((stage.s, s), (stage.drift, drift), (stage.metric, metric), (stage.gram, gram))
     for array, value in given:
         array[:] = value
-    in_force = tsm.in_force(gains, len(s), len(s), 1.0, 1.0, 1.0, inverse=False)
-    assert tsm.unit_vector(in_force, stage, 1.0)
+    in_force = tsm.in_force(gains, 1.0, 1.0, 1.0, inverse=False)
+    assert tsm.unit_vector(in_force[0], stage, 1.0)
     return stage.n
