@@ -174,8 +174,6 @@ class PseudoInverse(ResolvedAcceleration):
 
     name = "pseudo-inverse"
     Gains = RedundancyGains
-    damping = 0.0
-    """mu in j_e^T (j_e j_e^T + mu^2 I)^-1, which resolves the task's acceleration."""
 
     def acceleration(
         self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
@@ -188,7 +186,8 @@ class PseudoInverse(ResolvedAcceleration):
             bind(
                 least_norm_acceleration,
                 *(space.f, space.J, space.J_dot_z, space.p_d, now.z, now.C, g),
-                *map(float, (gains.K_p, gains.K_v, gains.k_0, gains.k_d, self.damping)),
+                *map(float, (gains.K_p, gains.K_v, gains.k_0, gains.k_d)),
+                float(getattr(gains, "mu", 0.0)),
                 *(z_dot, np.zeros(p), np.zeros(robot.nz), np.zeros((p, p)), np.zeros((p, p))),
             ),
         )
@@ -259,12 +258,6 @@ class DampedLeastSquares(PseudoInverse):
 
     name = "damped-least-squares"
     Gains = DampedGains
-    gains: DampedGains
-
-    @property
-    def damping(self) -> float:  # type: ignore[override]
-        """mu."""
-        return float(self.gains.mu)
 
 
 controllers.register(DampedLeastSquares.name, DampedLeastSquares)

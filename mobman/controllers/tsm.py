@@ -117,29 +117,32 @@ class Stage(NamedTuple):
 
     s: Vector
     """s of (31), or S of (51)."""
-    integral: Vector
-    """Integral of g."""
     g: Vector
-    """Integrand in s."""
+    """The integrand in it."""
+    integral: Vector
+    """The integral of g."""
     drift: Vector
-    """s' without control, but for what W or chi bounds."""
+    """The part of s' that W, or chi, does not bound."""
+    b: Vector
     n: Vector
-    """The unit vector."""
+    """The unit vector; for b, metric, gram and work see :func:`implicit_unit_vector`."""
     gains: Matrix
-    """Diagonals: lambda_0^(9/7), lambda_1^(3/5) and lambda_2, or Lambda_0 and Lambda_1."""
+    """Diagonals: lambda_0, lambda_1 and lambda_2, or Lambda_0 and Lambda_1."""
     metric: Matrix
     gram: Matrix
-    """See :func:`implicit_unit_vector`."""
-    b: Vector
     work: Matrix
 
     @classmethod
-    def of(cls, *gains: Array) -> Stage:
-        """A stage with an empty integral, and I for the metric."""
-        p = len(gains[0])
-        s, integral, g, drift, n, b = np.zeros((6, p))
+    def of(cls, gains: SlidingGains, p: int, *names: str) -> Stage:
+        """A stage with an empty integral, I for the metric, and the named gains.
+
+        Raises:
+            GainError: If one of them has another length than p.
+        """
+        s, g, integral, drift, b, n = np.zeros((6, p))
+        diagonals = np.array([diagonal(name, getattr(gains, name), p) for name in names])
         square, work = np.zeros((p, p)), np.zeros((p + 2, p))
-        return cls(s, integral, g, drift, n, np.array(gains), np.eye(p), square, b, work)
+        return cls(s, g, integral, drift, b, n, diagonals, np.eye(p), square, work)
 
 
 class Held(NamedTuple):
@@ -207,15 +210,16 @@ def kinematic_stage(
 ) -> int:
     """v_ref' = J^T u_ref (35) of u_ref (34); (43) of (44) where f and J are the tip's."""
     s, g, v_ref = stage.s, stage.g, held.v_ref
-    lambda_0_97, lambda_1_35, lambda_2 = stage.gains[0], stage.gains[1], stage.gains[2]
+    lambda_0, lambda_1, lambda_2 = stage.gains[0], stage.gains[1], stage.gains[2]
     for i in range(s.shape[0]):
         # errors of (26), the second derivative along the reference
         e = f[i] - desired(p_d, 0, i)
         e_dot = dot(J[i], z) - desired(p_d, 1, i)
         e_ddot = dot(J[i], v_ref) + J_dot_z[i] - desired(p_d, 2, i)
         # s and the integrand g in it (31)
-        bracket = power(e_dot, 9 / 7) + lambda_0_97[i] * e
-        g[i] = lambda_2[i] * (power(e_ddot, 3 / 5) + lambda_1_35[i] * power(bracket, 1 / 3))
+        bracket = power(e_dot, 9 / 7) + lambda_0[i] ** (9 / 7) * e
+        g[i] = lambda_2[i] * power(e_ddot, 3 / 5)
+        g[i] += lambda_2[i] * lambda_1[i] ** (3 / 5) * power(bracket, 1 / 3)
         s[i] = e_ddot + stage.integral[i]
         stage.drift[i] = g[i] - desired(p_d, 3, i)
     # W under (34), with the bound of (21)
@@ -313,29 +317,6 @@ def power(x: float, exponent: float) -> float:
     return math.copysign(math.pow(abs(x), exponent), x)
 
 
-def kinematic(gains: SlidingGains, p: int) -> Stage:
-    """The stage of p task errors.
-
-    Raises:
-        GainError: If a gain has the wrong length.
-    """
-    lambda_0, lambda_1, lambda_2 = (
-        diagonal(name, getattr(gains, name), p) for name in ("lambda_0", "lambda_1", "lambda_2")
-    )
-    return Stage.of(lambda_0 ** (9 / 7), lambda_1 ** (3 / 5), lambda_2)
-
-
-def dynamic(gains: SlidingGains, nz: int) -> Stage:
-    """The stage of nz velocities.
-
-    Raises:
-        GainError: If a gain has the wrong length.
-    """
-    return Stage.of(
-        *(diagonal(name, getattr(gains, name), nz) for name in ("Lambda_0", "Lambda_1"))
-    )
-
-
 def in_force(gains: SlidingGains, dt: float, a: float, A: float, inverse: bool) -> Any:
     """The other gains, with the bounds (22) and (54) or (64), shape (1,)."""
     alpha_1 = float(Fraction(gains.alpha_1))
@@ -381,8 +362,8 @@ class TerminalSlidingMode:
         self._settings = as_settings(self.gains) | {"a": a, "A": A}
         now, nz = space.now, robot.nz
         self._now, self._z_dot = now, np.zeros(nz)
-        self._kinematic = kinematic(self.gains, space.p)
-        self._dynamic = dynamic(self.gains, nz)
+        self._kinematic = Stage.of(self.gains, space.p, "lambda_0", "lambda_1", "lambda_2")
+        self._dynamic = Stage.of(self.gains, nz, "Lambda_0", "Lambda_1")
         self._held = Held(*np.zeros((5, nz)))
         self._law = bind(
             sliding_law,

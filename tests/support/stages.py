@@ -7,11 +7,10 @@ import numpy as np
 from mobman.controllers.tsm import (
     Held,
     SlidingGains,
-    dynamic,
+    Stage,
     dynamic_stage,
     in_force,
     integrate,
-    kinematic,
     kinematic_stage,
 )
 
@@ -21,7 +20,8 @@ class StageAlone:
 
     def __init__(self, p, dt, *, inverse=False, **gains):
         gains = SlidingGains(**gains)
-        self.kinematic, self.dynamic = kinematic(gains, p), dynamic(gains, p)
+        self.kinematic = Stage.of(gains, p, "lambda_0", "lambda_1", "lambda_2")
+        self.dynamic = Stage.of(gains, p, "Lambda_0", "Lambda_1")
         self.dt, self.held = dt, Held(*np.zeros((5, p)))
         self.k = in_force(gains, dt, gains.a, gains.A, inverse)[0]
 
