@@ -164,10 +164,14 @@ class MobileManipulator:
             urdf=self.urdf,
             model=model,
             platform=self.platform,
-            q_rest=self.q_rest,
-            criterion_weights=self.criterion_weights,
-            criterion_couplings=self.criterion_couplings,
+            q_rest=self.q_rest.copy(),
+            criterion_weights=self.criterion_weights.copy(),
+            criterion_couplings=self.criterion_couplings.copy(),
         )
+
+    def copy(self) -> MobileManipulator:
+        """A copy whose model, rest posture and weights are its own; the platform is shared."""
+        return self.with_model(self.model.copy())
 
     def checked_configuration(self, q: Array) -> Array:
         """A copy of q as floats.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import math
 from collections.abc import Callable
 from time import perf_counter
@@ -93,6 +95,12 @@ class Samples:
         self.status, self.message = "diverged", f"at t = {t:.6g} s: {reason}"
 
 
+def _round_to_nearest() -> None:
+    """Set the rounding of this thread's arithmetic, which a library of a law may have changed."""
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # a system without this function
+        ctypes.CDLL(None).fesetround(0)  # FE_TONEAREST on x86 and Arm
+
+
 class Loop:
     """One run of a closed loop; it runs once.
 
@@ -172,6 +180,7 @@ class Loop:
             MobmanError: If the controller, or other code of the user, calls ``sys.exit``.
         """
         samples = self.samples
+        _round_to_nearest()
         try:
             # what overflows is found by its result
             with np.errstate(all="ignore"):
@@ -185,6 +194,8 @@ class Loop:
                 f"at t = {self._tick[0] * self.dt:.6g} s: the code of the controller, the task or the "
                 f"platform called sys.exit (SystemExit: {error})"
             ) from error
+        finally:
+            _round_to_nearest()
         samples.work = self._integrator.work
         if self._progress is not None:
             self._progress(1.0)
@@ -196,7 +207,8 @@ class Loop:
         self._look()
         samples.torque[0], samples.compute_time[0] = plant.v, 0.0
         samples.count = 1
-        self.controller.reset(self.robot, self.task, self.dt)
+        # a law that writes to its robot changes neither the plant nor later runs
+        self.controller.reset(self.robot.copy(), self.task, self.dt)
         extended = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
         self._auxiliary = extended.auxiliary
         m, signals = self.task_map.m, self._signal_entries()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 from support.runs import Still, Torque
@@ -55,7 +57,7 @@ class Line:
 def test_own_controller_is_driven_as_the_contract_says(youbot):
     controller, task = Upright(), Still([1.0, 0.0, 0.3])
     record = mm.simulate(youbot, controller, task, duration=0.05, dt=5e-3)
-    assert controller.robot is youbot
+    assert (controller.robot.spec, controller.robot.urdf) == (youbot.spec, youbot.urdf)
     assert controller.task is task
     assert controller.dt == 5e-3
     assert [call[0] for call in controller.calls] == pytest.approx(record.t.tolist())
@@ -155,3 +157,35 @@ def test_what_is_no_task_is_refused(youbot):
 def test_task_of_a_wrong_dimension_is_refused(youbot):
     with pytest.raises(UsageError, match="6 components"):
         mm.simulate(youbot, "tsm", Still(np.zeros(6)), duration=0.1)
+
+
+class Meddler:
+    """Changes all that it can reach of its robot, and the rounding of the processor's arithmetic."""
+
+    def __init__(self):
+        self._inner = mm.make_controller("pseudo-inverse")
+
+    def reset(self, robot, task, dt):
+        self._inner.reset(robot, task, dt)
+        for inertia in robot.model.inertias:
+            inertia.mass *= 2.0
+        robot.model.gravity.linear = np.zeros(3)
+        for values in (robot.q_rest, robot.criterion_weights, robot.criterion_couplings):
+            values += 0.1
+
+    def step(self, t, q, z, z_dot):
+        torque = self._inner.step(t, q, z, z_dot)
+        ctypes.CDLL(None).fesetround(0x800)  # upward on x86
+        return torque
+
+
+def test_a_law_that_changes_its_robot_or_the_rounding_alters_no_later_run(youbot):
+    def state():
+        return mm.simulate(youbot, "pseudo-inverse", "circle", duration=0.02).state_sha256
+
+    before = state()
+    mm.simulate(youbot, Meddler(), "circle", duration=0.02)
+    assert state() == before
+    assert np.all(youbot.q_rest == mm.load_robot("youbot").q_rest)
+    one, little = map(float, ("1", "5e-17"))  # not constants, which Python adds beforehand
+    assert one + little == one  # rounded upward it would be the next number
