@@ -88,9 +88,8 @@ def write_whole(path: Path, content: bytes, check: Callable[[Path], None] | None
     """
     temporary = temporary_beside(path)
     try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
+        temporary.write_bytes(content)
+        with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         if check is not None:
             check(temporary)

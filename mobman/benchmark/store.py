@@ -324,7 +324,7 @@ def require_record_of(run: RunSpec, summary: RecordSummary, path: Path) -> None:
     found, asked = dict(summary.spec), run.as_dict()
     # a law of one's own may report other settings than its gains
     gains = dict(found.get("gains") or {})
-    both = gains.keys() & run.settings.keys()
+    both = {name for name in gains.keys() & run.settings.keys() if _is_given(run.settings[name])}
     found["gains"] = {name: gains[name] for name in both}
     asked["gains"] = {name: run.settings[name] for name in both}
     for name in (*_COMPARED, "gains"):
@@ -334,6 +334,11 @@ def require_record_of(run: RunSpec, summary: RecordSummary, path: Path) -> None:
                 f"{path} is another run's record: its {name.replace('_', ' ')} is {there[:80]}, where "
                 f"the suite asks for {here[:80]}"
             )
+
+
+def _is_given(gain: Any) -> bool:
+    """False for a gain that becomes a number, or the robot's default, when a run begins."""
+    return gain is not None and gain != "auto"
 
 
 def _state(path: Path) -> tuple[int, int]:

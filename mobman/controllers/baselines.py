@@ -94,6 +94,7 @@ class ResolvedAcceleration:
 
     def __init__(self, gains: Any) -> None:
         self.gains = gains
+        self._settings: dict[str, Any] = as_settings(gains)
 
     @abstractmethod
     def acceleration(
@@ -105,6 +106,7 @@ class ResolvedAcceleration:
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again; the law's only state is the axes of e^a, where it has them."""
         self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
+        self._settings = as_settings(self.gains) | {"K_F": self.criterion.weights.tolist()}
         space = self._space = TaskSpace(robot, task, self.criterion if self.extended else None)
         now, nz = space.now, robot.nz
         z_dot, force, self._v = np.zeros((3, nz))
@@ -128,8 +130,8 @@ class ResolvedAcceleration:
         return self._v.copy()
 
     def settings(self) -> dict[str, Any]:
-        """The gains."""
-        return as_settings(self.gains)
+        """The gains; after :meth:`reset`, with the robot's K_F where none is given."""
+        return self._settings
 
 
 @kernel

@@ -359,7 +359,8 @@ class TerminalSlidingMode:
         self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
         space = self._space = self._task_space(robot, task)
         a, A = self._bounds(robot, task)
-        self._settings = as_settings(self.gains) | {"a": a, "A": A}
+        K_F = self.criterion.weights.tolist()
+        self._settings = as_settings(self.gains) | {"a": a, "A": A, "K_F": K_F}
         now, nz = space.now, robot.nz
         self._now, self._z_dot = now, np.zeros(nz)
         self._kinematic = Stage.of(self.gains, space.p, "lambda_0", "lambda_1", "lambda_2")

@@ -213,12 +213,13 @@ def require_same(robot: MobileManipulator, run: RunSpec, role: str) -> None:
             )
 
 
-# Controller: its law by name, and its gains as they were given -----------------------------------
+# Controller: its law by name, and its gains ------------------------------------------------------
 
 
 def _law_of(given: Controller | str, controller: Controller) -> tuple[str, dict[str, Any], str]:
-    """The law's registered name, or none; its gains, before "auto" became numbers; and the reason why
-    the controller cannot be made again from these, empty if it can."""
+    """The law's registered name, or none; its gains in force, with the numbers that "auto" and the
+    robot's defaults became; and the reason why the controller cannot be made again from these, empty if
+    it can."""
     law = type(controller)
     what = f"its controller is an object of the class {law.__name__}, which"
     name = given if isinstance(given, str) else _registered_name(law, controller)
@@ -231,12 +232,16 @@ def _law_of(given: Controller | str, controller: Controller) -> tuple[str, dict[
     if not isinstance(gains, law.Gains):
         return name, {}, f"its controller, a {law.__name__}, does not say its gains"
     problem = f"the gains of its controller, a {law.__name__}, are more than numbers"
-    try:
-        settings = as_settings(gains)
-        if _through_json(settings) == settings == as_settings(law.Gains(**settings)):
-            return name, settings, ""
-    except (MobmanError, TypeError, ValueError) as error:
-        problem += f": {error}"
+    given_settings = as_settings(gains)
+    # as the law reports them after the run, so that later defaults change nothing
+    in_force = dict(getattr(controller, "settings", dict)())
+    for settings in (in_force, given_settings):
+        try:
+            same = _through_json(settings) == settings == as_settings(law.Gains(**settings))
+            if same and settings.keys() == given_settings.keys():
+                return name, settings, ""
+        except (MobmanError, TypeError, ValueError) as error:
+            problem += f": {error}" if settings is given_settings else ""
     return name, {}, problem
 
 

@@ -20,6 +20,7 @@ from mobman.arrays import Array
 from mobman.errors import RecordError
 from mobman.simulation.record_file import (
     DICTIONARIES,
+    EARLIER,
     FIELDS,
     OWN_PLACES,
     SCHEMA_VERSION,
@@ -91,7 +92,7 @@ class _Reader:
             )
         one = self._attributes.get_id("schema_version").shape == ()
         version = self._attributes["schema_version"] if one else "of several numbers"
-        if version == SCHEMA_VERSION and one:
+        if one and version in (SCHEMA_VERSION, *EARLIER):
             return
         advice = "mobman did not write it"
         if isinstance(version, (int, np.integer)) and version > 0:

@@ -190,7 +190,7 @@ def test_record_of_a_later_schema(file):
         content.attrs["schema_version"] = 99
     message = _refused(file)
     assert "99" in message
-    assert "reads version 2" in message
+    assert "reads version 3" in message
     assert "a later mobman" in message
 
 

@@ -65,7 +65,7 @@ def test_everything_comes_back(record, file):
 def test_attributes(record, file):
     with h5py.File(file) as content:
         attributes = dict(content.attrs)
-    assert attributes["schema_version"] == 2
+    assert attributes["schema_version"] == 3
     assert attributes["seed"] == 5
     for name in ("status", "message", "robot", "controller", "task", "scenario", "created"):
         assert attributes[name] == getattr(record, name)

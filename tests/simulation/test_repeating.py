@@ -126,14 +126,18 @@ def test_robot_that_is_registered_with_another_urdf_now(tmp_path, monkeypatch):
     assert "mine.urdf" in found.note
 
 
-def test_gains_as_they_were_given(tmp_path, youbot):
-    """The number that "auto" became is found anew."""
-    law = mm.make_controller("tsm", a="auto", A=0.3, alpha_1="5/7", K_F=[0.1] * 8, c=2)
-    path = _saved(tmp_path, youbot, law, "circle")
+@pytest.mark.parametrize("name", ["tsm", "extended-jacobian", "pseudo-inverse"])
+def test_gains_in_force(tmp_path, youbot, name):
+    """With the numbers that "auto" and the robot's K_F became: later defaults change no old run."""
+    given = {"a": "auto", "A": 0.3, "alpha_1": "5/7", "c": 2} if name == "tsm" else {"K_p": 20.0}
+    path = _saved(tmp_path, youbot, mm.make_controller(name, **given), "circle")
     record = mm.load_record(path)
-    assert record.spec["gains"]["a"] == "auto"
-    assert record.spec["gains"]["alpha_1"] == "5/7"
-    assert record.settings["a"] != "auto"
+    gains = record.spec["gains"]
+    assert gains == record.settings
+    assert gains["K_F"] == youbot.criterion_weights.tolist()
+    if name == "tsm":
+        assert gains["alpha_1"] == "5/7"
+        assert 0.0 < gains["a"] < 1.0
     _identical(path)
 
 
