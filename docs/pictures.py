@@ -12,58 +12,36 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 import mobman as mm
 from mobman.benchmark.store import Store
+from mobman.figures.charts import Curve, thin, time_chart
+from mobman.figures.files import beside, drawn, write_all
+from mobman.figures.looks import LAWS, looks_of
 from mobman.viewer.view import View, make_scene
-
-LABELS = {
-    "tsm": "#0072B2",
-    "tsm-simplified": "#56B4E9",
-    "tsm-inverse-actuation": "#009E73",
-    "pseudo-inverse": "#D55E00",
-    "damped-least-squares": "#E69F00",
-    "extended-jacobian": "#CC79A7",
-}
 
 
 def error_picture(store: Store, robot: str, scenarios: tuple[str, ...], path: Path) -> None:
     """|e^e| of the controllers in some scenarios, side by side."""
-    figure = Figure(figsize=(9.6, 3.6), dpi=160, layout="constrained")
-    axes = figure.subplots(1, len(scenarios), sharey=True)
-    for axis, scenario in zip(np.atleast_1d(axes), scenarios, strict=True):
+    charts = []
+    for scenario in scenarios:
+        curves = {}
         for run in store.runs:
-            if (run.robot, run.scenario["name"]) == (robot, scenario) and run.label in LABELS:
+            if (run.robot, run.scenario["name"]) == (robot, scenario) and run.label in LAWS:
                 record = store.record(run)
                 error = np.linalg.norm(record.task_error, axis=1)
-                dashed = run.label == "tsm-inverse-actuation"  # it lies on tsm inside the unit ball
-                axis.semilogy(
-                    record.t,
-                    np.maximum(error, 1e-12),
-                    color=LABELS[run.label],
-                    linestyle=(0, (5, 5)) if dashed else "-",
-                    linewidth=1.5,
-                    label=run.label,
-                )
-        axis.set_title(f"{robot}, {scenario}", fontsize=10)
-        axis.set_xlabel("t (s)")
-        axis.grid(alpha=0.25)
-        axis.set_ylim(1e-12, 20.0)
-        axis.margins(x=0.0)
-        axis.spines[["top", "right"]].set_visible(False)
-    np.atleast_1d(axes)[0].set_ylabel("|e$^e$| (m)")
-    handles, labels = np.atleast_1d(axes)[0].get_legend_handles_labels()
-    order = [labels.index(label) for label in LABELS if label in labels]
-    figure.legend(
-        [handles[i] for i in order],
-        [labels[i] for i in order],
-        loc="outside right center",
-        frameon=False,
-        fontsize=9,
-    )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+                curves[run.label] = Curve(run.label, *thin(record.t, np.asarray(error)))
+        chart = time_chart(
+            list(curves.values()),
+            looks_of({label: label for label in LAWS if label in curves}),
+            title=f"Task error, {robot}, {scenario}",
+            axis="|eᵉ|  (m)",
+            duration=max(curve.t[-1] for curve in curves.values()),
+            limits=(1e-12, 20.0),
+            heading=f"{robot}, {scenario}",
+        )
+        charts.append(chart)
+    write_all({path: drawn(beside(charts, across=True), "png")})
 
 
 def views(folder: Path, quick: bool = False) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import altair as alt
+import vl_convert
 
 _BARS = {
     "bare_tick": ("(a) bare Pinocchio", "#9aa0a6"),
@@ -15,73 +16,73 @@ _BARS = {
     "mujoco_step": ("(e) MuJoCo step", "#2e4057"),
     "plain_tick": ("(f) plain loop", "#7a5195"),
 }
+_GROWTH = {
+    "step": ("controller step", "#f2a65a"),
+    "bare_controller": ("bare Pinocchio", "#9aa0a6"),
+    "own": ("own work", "#d1495b"),
+}
 
 
 def draw(result: dict[str, Any], path: Path) -> None:
     """Write the picture."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    with mpl.rc_context({"svg.hashsalt": "speed", "svg.fonttype": "none", "font.size": 9}):
-        figure, (bars, growth) = plt.subplots(1, 2, figsize=(10.5, 4.6), layout="constrained")
-        _bars(bars, result.get("robots", {}))
-        _growth(growth, result.get("growth", {}).get("joints"))
-        figure.savefig(path, metadata={"Date": None})
-        plt.close(figure)
+    charts = [_bars(result.get("robots", {}))]
+    joints = result.get("growth", {}).get("joints")
+    if joints is not None:
+        charts.append(_growth(joints))
+    whole = alt.hconcat(*charts, spacing=30).resolve_scale(color="independent", y="independent")
+    whole = whole.configure(background="white", font="sans-serif").configure_view(stroke="#e1e3e6")
+    path.write_text(vl_convert.vegalite_to_svg(whole.to_dict()), encoding="utf-8")
 
 
-def _bars(axes: Any, robots: dict[str, Any]) -> None:
-    width = 0.8 / len(_BARS)
-    for i, (key, (label, colour)) in enumerate(_BARS.items()):
-        found = [robot["seconds"].get(key) for robot in robots.values()]
-        places = [n + (i - (len(_BARS) - 1) / 2) * width for n, one in enumerate(found) if one]
-        medians = np.array([1e6 * one["median"] for one in found if one])
-        low = np.array([1e6 * one["low"] for one in found if one])
-        high = np.array([1e6 * one["high"] for one in found if one])
-        axes.bar(
-            places,
-            medians,
-            width,
-            label=label,
-            color=colour,
-            yerr=[medians - low, high - medians],
-            error_kw={"linewidth": 0.8},
-        )
-    axes.set_yscale("log")
-    axes.set_ylabel("time (µs)")
-    axes.set_xticks(range(len(robots)), [f"{name}\nr = {r['nz']}" for name, r in robots.items()])
-    axes.set_title("a tick, medians and quartiles")
-    axes.legend(fontsize=8, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.13), frameon=False)
-    axes.grid(axis="y", alpha=0.3)
-    axes.set_axisbelow(True)
+def _bars(robots: dict[str, Any]) -> alt.LayerChart:
+    rows = [
+        {"robot": f"{name} (r = {robot['nz']})", "what": label, **_interval(robot["seconds"][key])}
+        for name, robot in robots.items()
+        for key, (label, _) in _BARS.items()
+        if robot["seconds"].get(key)
+    ]
+    x = {
+        "x": alt.X("robot:N", title=None, sort=None, axis=alt.Axis(labelAngle=-25)),
+        "xOffset": alt.XOffset("what:N"),
+    }
+    base = alt.Chart(alt.Data(values=rows)).encode(**x)
+    y = alt.Y("median:Q", scale=alt.Scale(type="log"), title="time (µs)")
+    bars = base.mark_bar().encode(y=y, color=_colour(_BARS))
+    whiskers = base.mark_rule(strokeWidth=0.8).encode(y="low:Q", y2="high:Q")
+    title = "a tick, medians and quartiles"
+    return alt.layer(bars, whiskers).properties(width=460, height=280, title=title)
 
 
-def _growth(axes: Any, joints: dict[str, Any] | None) -> None:
-    axes.set_title("a controller step on chains of 3 to 40 joints")
-    if joints is None:
-        axes.text(0.5, 0.5, "not measured", ha="center", transform=axes.transAxes)
-        return
-    r = np.array(joints["nz"], dtype=float)
-    labels = {"step": "controller step", "bare_controller": "bare Pinocchio", "own": "own work"}
-    for (kind, label), colour in zip(
-        labels.items(), ("#f2a65a", "#9aa0a6", "#d1495b"), strict=True
-    ):
-        median, low, high = (
-            1e6 * np.array([one[key] for one in joints[kind]]) for key in ("median", "low", "high")
-        )
-        axes.plot(r, median, "o-", markersize=3, color=colour, label=label)
-        axes.fill_between(r, low, high, color=colour, alpha=0.25, linewidth=0)
-    last = 1e6 * joints["own"][-1]["median"]
-    axes.plot(r, last * (r / r[-1]) ** 3, ":", color="black", linewidth=0.8, label="r³")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    lowest = min(one["median"] for kind in labels for one in joints[kind] if one["median"] > 0.0)
-    axes.set_ylim(bottom=1e6 * lowest / 2)
-    axes.set_xticks(joints["nz"], [str(n) for n in joints["nz"]])
-    axes.minorticks_off()
-    axes.set_xlabel("r = length of z")
-    axes.set_ylabel("time (µs)")
-    axes.legend(fontsize=7)
-    axes.grid(alpha=0.3)
+def _growth(joints: dict[str, Any]) -> alt.LayerChart:
+    rows = [
+        {"r": r, "what": label, **_interval(one)}
+        for kind, (label, _) in _GROWTH.items()
+        for r, one in zip(joints["nz"], joints[kind], strict=True)
+    ]
+    last_r, last = joints["nz"][-1], 1e6 * joints["own"][-1]["median"]
+    cubic = [{"r": r, "median": last * (r / last_r) ** 3} for r in joints["nz"]]
+    lowest = min(row["median"] for row in rows if row["median"] > 0.0)
+    base = alt.Chart(alt.Data(values=rows))
+    x = alt.X("r:Q", scale=alt.Scale(type="log"), title="r = length of z")
+    x = x.axis(values=joints["nz"], format="d")
+    scale = alt.Scale(type="log", domainMin=0.5 * lowest)
+    y = alt.Y("median:Q", scale=scale, title="time (µs)")
+    lines = base.mark_line(point=True).encode(x=x, y=y, color=_colour(_GROWTH))
+    bands = base.mark_area(opacity=0.25, clip=True).encode(x=x, y="low:Q", y2="high:Q")
+    bands = bands.encode(color=_colour(_GROWTH))
+    cube = alt.Chart(alt.Data(values=cubic)).mark_line(strokeDash=[2, 2], color="black", clip=True)
+    title = "a controller step on chains of 3 to 40 joints; dotted: r³"
+    return alt.layer(bands, lines, cube.encode(x=x, y=y)).properties(
+        width=320, height=280, title=title
+    )
+
+
+def _interval(one: dict[str, float]) -> dict[str, float]:
+    return {key: 1e6 * one[key] for key in ("median", "low", "high")}
+
+
+def _colour(names: dict[str, tuple[str, str]]) -> alt.Color:
+    labels, colours = zip(*names.values(), strict=True)
+    legend = alt.Legend(orient="bottom", columns=3)
+    scale = alt.Scale(domain=list(labels), range=list(colours))
+    return alt.Color("what:N", title=None, scale=scale, legend=legend)

@@ -325,7 +325,7 @@ def report_command(folder: Path, replays: bool, **options: Any) -> None:
 
 
 def _report(folder: Path, *, latex: Path | None = None, **options: Any) -> None:
-    from mobman.benchmark.reporting import report_on
+    from mobman.benchmark.report.report import report_on
 
     files = report_on(folder, latex=latex, **options)
     echo(f"report: {files.html}")

@@ -128,6 +128,36 @@ class Record:
         """
         return file_content(vars(self), every=every, compression=compression)
 
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
+        """Draw the norms of the errors and the torques against time.
+
+        Args:
+            path: A file, whose suffix says in which form: ``.html`` (a page with values under the
+                pointer and zoom, which needs no network), ``.svg``, ``.pdf`` or ``.png``.
+
+        Returns:
+            The file's path; without one a chart of Altair, which notebooks show.
+
+        Raises:
+            UsageError: If the suffix is another.
+            MobmanError: If the file cannot be written.
+        """
+        from mobman.figures import charts, files  # these take a second to import
+
+        title = f"{self.controller} on {self.robot}, {self.task}, {self.scenario}"
+        if not self.ok:
+            title += f": {self.status}"
+        specs = charts.run_charts(
+            self.t,
+            {"|eᵉ|  (m)": self.task_error, "|eᵃ|": self.auxiliary_error},
+            self.torque,
+            self.velocity_names,
+            law=self.controller,
+            title=title,
+            ended=not self.ok,
+        )
+        return files.displayed(specs) if path is None else files.save(Path(path), specs, title)
+
 
 def state_sha256(*samples: Array) -> str:
     """Hash of samples as :attr:`Record.state_sha256` has it."""

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import pytest
-from support.reported import made_up_runs
+from support.reported import made_up_runs, results_of
 
-from mobman.benchmark.report.cells import groups_of
-from mobman.benchmark.report.leaderboard import leaderboard_of
-from mobman.benchmark.report.scores import field_of
-from mobman.benchmark.report.standings_tables import pairs_table
+from mobman.benchmark.report.standings import board_of
+from mobman.benchmark.report.tables import pairs_table
 
 
 def verdicts(errors, cells):
-    groups = groups_of(made_up_runs(errors, [f"scenario-{i}" for i in range(cells)]), [])
-    field = field_of(groups)
-    rows = pairs_table(leaderboard_of(field, groups).pairs).rows
-    return {row.head.text: row.entries[-1].text for row in rows}
+    runs = made_up_runs(errors, [f"scenario-{i}" for i in range(cells)])
+    rows = pairs_table(board_of(results_of(runs)).pairs).rows
+    return {row[0].text: row[-1].text for row in rows}
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import math
 import re
 import shutil
@@ -12,76 +11,85 @@ import subprocess
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.reported import made_up_record, made_up_run, made_up_runs
+from support.reported import lost_run, made_up_record, made_up_run, made_up_runs, results_of
 from support.suites import small_suite
 
-from mobman.benchmark.report.cells import groups_of
-from mobman.benchmark.report.content import FailedRun, ReportedSuite
+from mobman.benchmark.report.charts import (
+    cell_figures,
+    looks_for,
+    periods_figure,
+    sensitivity_figure,
+)
+from mobman.benchmark.report.data import read_results
+from mobman.benchmark.report.findings import limitations_of, summary_lines
+from mobman.benchmark.report.gains import settings_of, tuning_table, unequal_budgets
 from mobman.benchmark.report.latex import escape, latex_table, write_latex
-from mobman.benchmark.report.leaderboard import leaderboard_of
-from mobman.benchmark.report.limitations import limitations_of
-from mobman.benchmark.report.overview_charts import periods_chart, prices_of
-from mobman.benchmark.report.provenance import machines_table
-from mobman.benchmark.report.report import Request, write_report
-from mobman.benchmark.report.scores import field_of
-from mobman.benchmark.report.selection import EACH, MOST, select
-from mobman.benchmark.report.settings import settings_of, tuning_table, unequal_budgets
-from mobman.benchmark.report.standings_tables import leaderboard_table, pairs_table, tuned_table
-from mobman.benchmark.report.style import styles_of
-from mobman.benchmark.report.summary import summary_lines
-from mobman.benchmark.report.svg.draw import draw
-from mobman.benchmark.report.table import Entry, Row, Table, heading, text
-from mobman.benchmark.report.tables import endings_table, saturation_table, summary_table
-from mobman.benchmark.report.time_charts import compact_chart
-from mobman.benchmark.reporting import read_results, report_on
+from mobman.benchmark.report.report import report_on, write_report
+from mobman.benchmark.report.standings import EACH, MOST, board_of, prices_of, select
+from mobman.benchmark.report.tables import (
+    Entry,
+    Table,
+    endings_table,
+    leaderboard_table,
+    machines_table,
+    pairs_table,
+    saturation_table,
+    summary_table,
+    tuned_table,
+)
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.cli.bench import report_command
 from mobman.errors import MobmanError, RecordError, UsageError
-from mobman.simulation.run_spec import Cell
 
-SUITE = ReportedSuite("large", "Made up")
+SUITE = {"name": "large", "description": "Made up"}
 THREE = {"good": 1e-8, "fair": 2e-8, "poor": 1e-2}
 SCENARIOS = ["nominal", *(f"changed-{i}" for i in range(23))]
 
 
-def standings(runs, failures=()):
-    groups = groups_of(runs, failures)
-    field = field_of(groups)
-    return field, leaderboard_of(field, groups)
+def board(*rows):
+    return board_of(results_of(*rows))
+
+
+def said_of(*rows, **about):
+    found = results_of(*rows, **about)
+    return summary_lines(found, board_of(found))
+
+
+def texts(row):
+    return [entry.text for entry in row]
 
 
 def test_the_leaderboard_ranks_as_far_as_the_cells_settle_it():
-    _, board = standings(made_up_runs(THREE, SCENARIOS))
-    assert [(s.label, s.ranks) for s in board.standings] == [
+    found = board(made_up_runs(THREE, SCENARIOS))
+    assert [(s.label, s.ranks) for s in found.standings] == [
         ("good", (1, 1)),
         ("fair", (2, 2)),
         ("poor", (3, 3)),
     ]
-    good = board.standings[0]
+    good = found.standings[0]
     assert good.error.low <= good.error.estimate <= good.error.high
     assert (good.solved, good.cells) == (24, 24)
     assert good.rate.low < 1.0
     same = made_up_runs({"one": 1e-8, "other": 1e-8}, SCENARIOS)
-    assert {s.ranks for s in standings(same)[1].standings} == {(1, 2)}
+    assert {s.ranks for s in board(same).standings} == {(1, 2)}
     few = made_up_runs(THREE, SCENARIOS[:3])
-    assert {s.ranks for s in standings(few)[1].standings} == {(1, 3)}
+    assert {s.ranks for s in board(few).standings} == {(1, 3)}
 
 
 def test_failures_count_and_are_counted():
     runs = made_up_runs(THREE, SCENARIOS)
-    lost = [run for run in runs if run.label == "good"][:18]
-    failures = [FailedRun("good", run.cell, run.seed, "out of memory") for run in lost[:17]]
-    failures.append(FailedRun("good", lost[17].cell, 0, "not done yet", pending=True))
+    lost = [run for run in runs if run["label"] == "good"][:18]
+    failures = [lost_run(run, "out of memory") for run in lost[:17]]
+    failures.append(lost_run(lost[17], "not done yet", pending=True))
     kept = [run for run in runs if run not in lost]
-    _, board = standings(kept, failures)
-    good = next(s for s in board.standings if s.label == "good")
+    found = board(kept, failures)
+    good = next(s for s in found.standings if s.label == "good")
     assert math.isinf(good.error.estimate)
     assert (good.solved, good.cells, good.asked, good.lost) == (6, 23, 23, 17)
-    row = next(row for row in leaderboard_table(board).rows if row.entries[0].text == "good")
-    assert row.entries[-1].text == "17 without result"
-    groups = groups_of(kept, failures)
-    said = "\n".join(summary_lines(groups, kept, failures, *standings(kept, failures)))
+    row = next(row for row in leaderboard_table(found).rows if row[1].text == "good")
+    assert row[-1].text == "17 without result"
+    said = "\n".join(said_of(kept, failures))
     assert "17 runs gave no result" in said
     assert "Preliminary: 1 run was not done yet; only the 23 cells" in said
 
@@ -92,46 +100,46 @@ def test_seeds_are_no_cells_and_the_worst_of_them_counts():
         for scenario in SCENARIOS
         for seed in range(3)
     ]
-    field, board = standings(runs)
-    assert board.standings[0].cells == len(SCENARIOS)
-    assert board.standings[0].asked == 3 * len(SCENARIOS)
-    np.testing.assert_allclose(field.errors(), 1e-6)
+    found = results_of(runs)
+    first = board_of(found).standings[0]
+    assert first.cells == len(SCENARIOS)
+    assert first.asked == 3 * len(SCENARIOS)
+    np.testing.assert_allclose(found.errors, 1e-6)
     runs[4] = made_up_run("a", math.inf, scenario=SCENARIOS[1], seed=1)
-    field, board = standings(runs)
-    assert math.isinf(field.errors()[0, 1])
-    assert board.standings[0].solved == len(SCENARIOS) - 1
+    found = results_of(runs)
+    assert math.isinf(found.errors.iloc[1, 0])
+    assert board_of(found).standings[0].solved == len(SCENARIOS) - 1
 
 
-def test_only_what_all_were_asked_for_is_compared():
+def test_only_cells_in_which_all_ran_are_compared():
     runs = made_up_runs(THREE, SCENARIOS)
     runs += made_up_runs({"elsewhere": 1e-12}, ["another"])
-    field, board = standings(runs)
-    assert field.labels == tuple(THREE)
-    assert field.others == ("elsewhere",)
-    assert (len(field.cells), field.asked) == (24, 25)
-    assert board.standings[-1].label == "elsewhere"
-    assert board.standings[-1].ranks is None
-    assert [s.ranks for s in board.standings[:3]] == [(1, 1), (2, 2), (3, 3)]
+    found = board(runs)
+    assert found.labels == list(THREE)
+    assert found.others == ["elsewhere"]
+    assert (len(found.cells), found.asked) == (24, 25)
+    assert found.standings[-1].label == "elsewhere"
+    assert found.standings[-1].ranks is None
+    assert [s.ranks for s in found.standings[:3]] == [(1, 1), (2, 2), (3, 3)]
 
 
 def test_families_have_standings_of_their_own():
     runs = [
-        dataclasses.replace(run, family=run.cell.scenario.partition("-")[0])
+        {**run, "family": run["scenario"].partition("-")[0]}
         for run in made_up_runs(THREE, SCENARIOS)
     ]
-    _, board = standings(runs)
-    assert {item.family: len(item.cells) for item in board.families} == {
+    families = board(runs).families
+    assert {name: found["good"].cells for name, found in families.items()} == {
         "nominal": 1,
         "changed": 23,
     }
-    assert board.families[1].standings["good"].ranks == (1, 1)
-    assert board.families[0].standings["good"].ranks == (1, 3)  # one cell settles nothing
+    assert families["changed"]["good"].ranks == (1, 1)
+    assert families["nominal"]["good"].ranks == (1, 3)  # one cell settles nothing
 
 
 def test_pairs_are_compared_by_cell():
-    _, board = standings(made_up_runs(THREE, SCENARIOS))
-    table = pairs_table(board.pairs)
-    rows = {row.head.text: [entry.text for entry in row.entries] for row in table.rows}
+    table = pairs_table(board(made_up_runs(THREE, SCENARIOS)).pairs)
+    rows = {row[0].text: texts(row[1:]) for row in table.rows}
     assert set(rows) == {"good – fair", "good – poor", "fair – poor"}
     cells, wins, difference, _, p, effect, solved, solved_p, says = rows["good – poor"]
     assert (cells, wins, p, effect) == ("24", "24 / 0 / 0", "< 0.001", "−1.00")
@@ -148,46 +156,45 @@ def test_a_difference_that_is_sure_and_nothing_is_called_alike():
         error = 10.0 ** random.normal(-6.0, 1.0)
         runs.append(made_up_run("one", error, scenario=scenario))
         runs.append(made_up_run("other", 1.001 * error, scenario=scenario))
-    _, board = standings(runs)
-    assert board.pairs[0].error_p < 0.001
-    assert pairs_table(board.pairs).rows[0].entries[-1].text == "errors alike"
+    pairs = board(runs).pairs
+    assert pairs[0].error_p < 0.001
+    assert pairs_table(pairs).rows[0][-1].text == "errors alike"
 
 
 def test_what_is_not_done_is_no_failure():
     runs = made_up_runs(THREE, SCENARIOS)
-    late = [run for run in runs if run.label == "poor"][12:]
-    failures = [FailedRun("poor", run.cell, 0, "not done yet", pending=True) for run in late]
+    late = [run for run in runs if run["label"] == "poor"][12:]
+    failures = [lost_run(run, "not done yet", pending=True) for run in late]
     kept = [run for run in runs if run not in late]
-    groups = groups_of(kept, failures)
-    field, board = standings(kept, failures)
-    assert (len(field.cells), field.pending) == (12, 12)
-    assert all(math.isfinite(standing.error.estimate) for standing in board.standings)
-    assert {standing.asked for standing in board.standings} == {12}
-    said = summary_lines(groups, kept, failures, field, board)
+    found = board(kept, failures)
+    assert (len(found.cells), found.pending) == (12, 12)
+    assert all(math.isfinite(standing.error.estimate) for standing in found.standings)
+    assert {standing.asked for standing in found.standings} == {12}
+    said = said_of(kept, failures)
     assert said[1].startswith("Preliminary: 12 runs were not done yet; only the 12 cells")
     assert not any("finish" in line or "no result" in line for line in said)
-    column = [row.entries[2] for row in summary_table(groups[0]).rows]
+    column = [row[3] for row in summary_table(results_of(kept, failures), "youbot, circle").rows]
     assert [entry.mark for entry in column if entry.text == "not run"] == ["faint"] * 12
     assert column[-1].text.endswith(" of 12")
     # where nothing is done in full, nothing is compared
-    none = [FailedRun("late", run.cell, 0, "", pending=True) for run in runs if run.label == "good"]
-    field, board = standings(runs, none)
-    assert board.standings == []
-    assert "nothing is compared" in "\n".join(
-        summary_lines(groups_of(runs, none), runs, none, field, board)
-    )
+    none = [
+        lost_run({**run, "label": "late"}, "", pending=True)
+        for run in runs
+        if run["label"] == "good"
+    ]
+    assert board(runs, none).standings == []
+    assert "nothing is compared" in "\n".join(said_of(runs, none))
 
 
 def test_the_leader_in_error_need_not_solve_most():
     errors = {"sharp": 1e-9, "steady": 1e-8}
     runs = made_up_runs(errors, SCENARIOS)
-    ended = [run for run in runs if run.label == "sharp"][:3]
+    ended = [run for run in runs if run["label"] == "sharp"][:3]
     runs = [
-        made_up_run("sharp", math.inf, scenario=run.cell.scenario) if run in ended else run
+        made_up_run("sharp", math.inf, scenario=run["scenario"]) if run in ended else run
         for run in runs
     ]
-    field, board = standings(runs)
-    said = "\n".join(summary_lines(groups_of(runs, []), runs, [], field, board))
+    said = "\n".join(said_of(runs))
     assert "sharp has the smallest steady |e^e|" in said
     assert "sharp solves 21 of 24 cells" in said
     assert "most are solved by steady: 24" in said
@@ -198,10 +205,9 @@ def test_the_summary_is_short_for_any_suite():
     labels = {f"law-{i}": 10.0 ** (-9 + i) for i in range(9)}
     runs = made_up_runs(labels, SCENARIOS[:5], robots)
     runs += [made_up_run(label, math.inf, scenario="hard") for label in labels]
-    failures = [FailedRun("law-0", runs[0].cell, 1, "out of memory")]
-    failures.append(FailedRun("law-0", runs[-1].cell, 1, "", pending=True))
-    field, board = standings(runs, failures)
-    lines = summary_lines(groups_of(runs, failures), runs, failures, field, board)
+    failures = [lost_run({**runs[0], "seed": 1}, "out of memory")]
+    failures.append(lost_run({**runs[-1], "label": "law-0", "seed": 1}, "", pending=True))
+    lines = said_of(runs, failures)
     assert len(lines) <= 10
     assert max(map(len, lines)) < 500
     assert "and 4 more" in "\n".join(lines)
@@ -209,35 +215,30 @@ def test_the_summary_is_short_for_any_suite():
 
 def test_cut_torques_are_shown_and_said_of_failures():
     cut_run = made_up_run("a", 1e-9, scenario="weak")
-    found = {**cut_run.metrics, "saturation_share": 0.25, "saturation_start": 0.125}
+    cut_run["metrics"] |= {"saturation_share": 0.25, "saturation_start": 0.125}
     runs = [
         made_up_run("a", 1e-9),
-        dataclasses.replace(cut_run, metrics=found),
+        cut_run,
         made_up_run("b", 1e-9, scenario="weak"),
         made_up_run("c", math.inf, scenario="weak"),
     ]
-    runs[3] = dataclasses.replace(
-        runs[3], metrics={**runs[3].metrics, "saturation_share": 1.0, "saturation_start": 0.0}
-    )
-    groups = groups_of(runs, [])
-    (row,) = saturation_table(groups).rows
-    assert row.head.text == "weak"
-    assert [entry.text for entry in row.entries] == ["25 %", "0 %", "100 %"]
-    assert row.entries[0].unit == "1 of 1 runs, from 0.125 s"
-    (ended,) = endings_table(groups).rows
-    assert ended.entries[-2].text == "0.25 s"
-    assert ended.entries[-1].text == "at t = 0.25 s: |z| is 1e9; torques were cut from 0 s on"
-    assert saturation_table(groups_of(runs[:1], [])) is None
+    runs[3]["metrics"] |= {"saturation_share": 1.0, "saturation_start": 0.0}
+    (row,) = saturation_table(results_of(runs)).rows
+    assert texts(row) == ["weak", "25 %", "0 %", "100 %"]
+    assert row[1].unit == "1 of 1 runs, from 0.125 s"
+    (ended,) = endings_table(results_of(runs)).rows
+    assert ended[-2].text == "0.25 s"
+    assert ended[-1].text == "at t = 0.25 s: |z| is 1e9; torques were cut from 0 s on"
+    assert saturation_table(results_of(runs[:1])) is None
 
 
 def test_the_front_is_of_those_that_none_beats():
     costs = {"good": 9.0, "fair": 20.0, "poor": 1.0}
-    runs = [
-        dataclasses.replace(run, metrics={**run.metrics, "torque_energy": costs[run.label]})
-        for run in made_up_runs(THREE, SCENARIOS)
-    ]
-    field, board = standings(runs)
-    prices = {price.label: price for price in prices_of(field, board, "torque_energy")}
+    runs = made_up_runs(THREE, SCENARIOS)
+    for run in runs:
+        run["metrics"]["torque_energy"] = costs[run["label"]]
+    found = results_of(runs)
+    prices = {p.label: p for p in prices_of(found, board_of(found), "torque_energy")}
     assert {label: price.front for label, price in prices.items()} == {
         "good": True,
         "fair": False,
@@ -255,14 +256,14 @@ def test_a_suite_of_many_cells_is_whole_in_its_tables_and_selected_in_its_figure
 
     robots = [f"robot-{i}" for i in range(18)]
     runs = [
-        dataclasses.replace(run, load=load)
+        {**run, "load": load}
         for run in made_up_runs({"good": 1e-8, "poor": 1e-2}, SCENARIOS, robots)
     ]
     assert len(runs) / 2 > MOST
-    files = write_report(tmp_path, SUITE, runs)
-    html = files.html.read_text(encoding="utf-8")
+    written = write_report(tmp_path, results_of(runs, **SUITE))
+    html = written.html.read_text(encoding="utf-8")
     assert len(html) < 15e6
-    assert len(files.markdown.read_text(encoding="utf-8")) < 400_000
+    assert len(written.markdown.read_text(encoding="utf-8")) < 15_000
     # samples are read of what is drawn alone, each of them once
     assert len(loads) <= 2 * 4 * EACH
     assert html.count('<details class="cell">') >= 3 * EACH
@@ -272,27 +273,27 @@ def test_a_suite_of_many_cells_is_whole_in_its_tables_and_selected_in_its_figure
     results = html[html.index('id="results"') : html.index('id="cells"')]
     for scenario in SCENARIOS:
         assert results.count(f'<th scope="row">{scenario}<') == len(robots)
-    with files.csv.open(encoding="utf-8", newline="") as file:
+    with written.csv.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(runs)
-    assert float(rows[0]["task_error_max"]) == runs[0].metrics["task_error_max"]
+    assert float(rows[0]["task_error_max"]) == runs[0]["metrics"]["task_error_max"]
 
 
 def test_cells_in_between_are_all_drawn_small(tmp_path):
     runs = made_up_runs({"good": 1e-8, "poor": 1e-2}, [f"s{i}" for i in range(90)])
-    html = write_report(tmp_path, SUITE, runs).html.read_text(encoding="utf-8")
-    assert html.count('aria-label="Norms of task error, auxiliary error and torques') == 2 * 90
+    written = write_report(tmp_path, results_of(runs))
+    html = written.html.read_text(encoding="utf-8")
+    for what in ("task error", "auxiliary error", "torque"):
+        assert html.count(f'aria-label="Norm of the {what} against time') == 90
 
 
 def test_cells_can_be_asked_for_by_name(tmp_path):
-    groups = groups_of(made_up_runs(THREE, SCENARIOS), [])
-    assert [cell.variant for cell in select(groups, ["*, changed-1"]).cells] == ["changed-1"]
+    found = results_of(made_up_runs(THREE, SCENARIOS))
+    chosen = select(found, ["*, changed-1"]).cells
+    assert list(found.cells.variant[chosen]) == ["changed-1"]
     with pytest.raises(UsageError, match="near it are: youbot, circle, changed-"):
-        select(groups, ["youbot, circle, changed-x"])
-    files = write_report(
-        tmp_path, SUITE, made_up_runs(THREE, SCENARIOS), request=Request(("*, changed-2?",))
-    )
-    html = files.html.read_text(encoding="utf-8")
+        select(found, ["youbot, circle, changed-x"])
+    html = write_report(tmp_path, found, ["*, changed-2?"]).html.read_text(encoding="utf-8")
     assert html.count('<details class="cell">') == 3
 
 
@@ -303,35 +304,57 @@ def test_sampling_periods_are_cells_and_have_a_figure():
         for dt in periods
         for label, error in (("a", 1.0), ("b", 1e3))
     ]
-    groups = groups_of(runs, [])
-    assert [cell.variant for cell in groups[0].cells] == [
-        "nominal, dt 1 ms",
-        "nominal, dt 2 ms",
-        "nominal, dt 5 ms",
-    ]
-    chart = periods_chart(groups, styles_of(["a", "b"], runs))
-    curves = [
-        item for item in chart.panels[0].items if hasattr(item, "y") and hasattr(item, "thin")
-    ]
-    np.testing.assert_allclose(curves[0].x, [1.0, 2.0, 5.0])
-    np.testing.assert_allclose(curves[0].y, [1e-6, 4e-6, 25e-6])
-    assert np.isnan(curves[1].y[2])
-    assert chart.panels[0].x.log
-    assert chart.panels[0].y.log
-    assert periods_chart(groups_of(runs[:2], []), styles_of(["a", "b"], runs)) is None
+    found = results_of(runs)
+    assert list(found.cells.variant) == ["nominal, dt 1 ms", "nominal, dt 2 ms", "nominal, dt 5 ms"]
+
+    def points(*rows):
+        """Where each controller is drawn, and where it fails, by the sampling period (ms)."""
+        found = results_of(*rows)
+        figure = periods_figure(found, looks_for(found))
+        if figure is None:
+            return None
+        assert [k["encoding"]["x"]["scale"]["type"] for k in _lines(figure.charts[0])] == ["log"]
+        drawn = figure.charts[0]["data"]["values"]
+        return {(p["label"], p["x"]): math.inf if p["failed"] else p["y"] for p in drawn}
+
+    a = {("a", 1.0): 1e-6, ("a", 2.0): 4e-6, ("a", 5.0): 25e-6}
+    b = {("b", 1.0): 1e-3, ("b", 2.0): 4e-3, ("b", 5.0): math.inf}
+    assert points(runs) == a | b
+    assert points(runs[:2]) is None
     # a scenario at one period alone is not mixed with those that have all
     more = [*runs, made_up_run("a", 0.5, scenario="hard"), made_up_run("a", 0.5, scenario="harder")]
-    again = periods_chart(groups_of(more, []), styles_of(["a", "b"], more)).panels[0].items
-    curve = next(item for item in again if hasattr(item, "y") and hasattr(item, "thin"))
-    np.testing.assert_allclose(curve.y, [1e-6, 4e-6, 25e-6])
+    assert points(more) == a | b
     # points of what is not done are not there, nor is a figure without any
-    todo = [FailedRun("a", run.cell, 1, "", pending=True) for run in runs if run.label == "a"]
-    half = periods_chart(groups_of(runs, todo), styles_of(["a", "b"], runs)).panels[0].items
-    assert sum(hasattr(item, "thin") for item in half) == 1
-    todo += [FailedRun("b", run.cell, 1, "", pending=True) for run in runs if run.label == "b"]
-    assert periods_chart(groups_of(runs, todo), styles_of(["a", "b"], runs)) is None
-    backwards = groups_of(runs[::-1], [])[0].cells
-    assert [cell.dt for cell in backwards] == sorted(periods)
+    todo = [lost_run({**run, "seed": 1}, "", pending=True) for run in runs if run["label"] == "a"]
+    assert points(runs, todo) == b
+    todo += [lost_run({**run, "seed": 1}, "", pending=True) for run in runs if run["label"] == "b"]
+    assert points(runs, todo) is None
+    backwards = results_of(runs[::-1]).cells
+    assert list(backwards.dt) == sorted(periods)
+
+
+def test_a_number_that_a_grid_sweeps_has_a_figure():
+    runs = [
+        made_up_run(label, error * value, scenario=f"payload-{value:g}", family="payload")
+        for value in (0.5, 1.0, 2.0)
+        for label, error in (("a", 1e-6), ("b", 1e-3))
+    ]
+    found = results_of(runs, [made_up_run("a", 1e-9), made_up_run("b", 1e-9)])
+    figure = sensitivity_figure(found, looks_for(found))
+    (chart,) = figure.charts
+    assert chart["title"] == "payload"
+    drawn = {(p["label"], p["x"]): p["y"] for p in chart["data"]["values"]}
+    assert drawn == {(n, v): e * v for v in (0.5, 1.0, 2.0) for n, e in (("a", 1e-6), ("b", 1e-3))}
+    words = [{**run, "scenario": run["scenario"].replace("1", "one")} for run in runs]
+    assert sensitivity_figure(results_of(words), looks_for(found)) is None
+
+
+def _lines(spec):
+    return [
+        layer
+        for layer in spec["layer"]
+        if layer["mark"]["type"] == "line" and "color" in layer["encoding"]
+    ]
 
 
 def test_samples_that_cannot_be_read_are_said_and_the_rest_is_drawn(tmp_path):
@@ -339,15 +362,13 @@ def test_samples_that_cannot_be_read_are_said_and_the_rest_is_drawn(tmp_path):
         raise RecordError("runs/x.h5 is not a whole record: its filter fails")
 
     runs = [made_up_run("a", 1e-9), made_up_run("b", 1e-6, load=broken)]
-    html = write_report(tmp_path, SUITE, runs).html.read_text(encoding="utf-8")
+    html = write_report(tmp_path, results_of(runs)).html.read_text(encoding="utf-8")
     assert "its samples cannot be read: runs/x.h5 is not a whole record" in html
     assert "1 file in the folder could not be used in full" in html
-    assert html.count('aria-label="Norm of the task error') == 2  # the figure, and what scrolls it
+    assert html.count('aria-label="Norm of the task error') == 1
 
 
-def test_curves_keep_their_shape_and_stay_in_their_frame():
-    from mobman.benchmark.report.curves import read_curves
-
+def test_curves_keep_their_shape_with_few_points():
     n = 4001
     t = np.linspace(0.0, 1.0, n)
     error = 1e-3 * (1.0 + 0.9 * np.sin(300.0 * t))
@@ -355,19 +376,18 @@ def test_curves_keep_their_shape_and_stay_in_their_frame():
     record = made_up_record(
         n, t=t, task_error=np.stack([error, 0.0 * t], axis=1), torque=np.ones((n, 2))
     )
-    group = groups_of([made_up_run("a", 1e-3, load=lambda: record)], [])[0]
-    runs = [made_up_run("a", 1e-3)]
-    drawing = draw("x", compact_chart(read_curves(group.cells[0], 200, 0), styles_of(["a"], runs)))
-    paths = re.findall(r'class="k0" d="([^"]+)"', drawing.body)
-    assert paths[0].count("M") == 2  # a gap
-    width = 10.0 * drawing.size[0]
-    for path in paths:
-        for start in re.findall(r"M(\d+) (\d+)", path):
-            assert 0 <= int(start[0]) <= width
-    points = len(re.findall(r"-?\d+", paths[0])) / 2
-    assert 100 < points < 850
-    straight = re.search(r"l(.*)", paths[2])[1]
-    assert len(re.findall(r"-?\d+", straight)) == 2  # a level line is two points
+    found = results_of([made_up_run("a", 1e-3, load=lambda: record)])
+    (figure,) = cell_figures(found, 0, looks_for(found), 200, 0).figures
+    curves = [chart["data"]["values"] for chart in figure.charts]
+    assert all(len(rows) == 1 for rows in curves)
+    drawn = curves[0][0]
+    assert len(drawn["t"]) == len(drawn["y"])
+    assert 100 < len(drawn["t"]) < 850
+    gaps = [x for x, y in zip(drawn["t"], drawn["y"], strict=True) if y is None]
+    assert gaps
+    assert all(t[1000] <= x <= t[1099] for x in gaps)
+    assert max(y for y in drawn["y"] if y) == pytest.approx(1.9e-3, rel=1e-3)
+    assert len(curves[2][0]["t"]) < 20  # a level line
 
 
 def test_tuned_gains_show_their_budget():
@@ -383,37 +403,37 @@ def test_tuned_gains_show_their_budget():
             "space": {"K_p": {"low": 1.0, "high": 100.0, "log": True}},
         }
     }
-    remarks = {item.label: item.remark for item in settings_of(groups_of(runs, []), tuned)}
+    remarks = {item.label: item.remark for item in settings_of(results_of(runs, tuned=tuned))}
     assert remarks["pinv-tuned"].startswith("Tuned from pinv in 30 trials.")
     assert "Tuned" not in remarks["pinv"]
     row = tuning_table(tuned).rows[0]
-    assert [entry.text for entry in row.entries] == [
+    assert texts(row[1:]) == [
         "pinv", "30", "12", "error", "-2.00", "-4.50", "K_p 1 to 100",
     ]  # fmt: skip
     assert tuning_table({}) is None
     assert unequal_budgets(tuned) == ""
     other = {"x-tuned": {**tuned["pinv-tuned"], "trials": 300}}
     assert "not equal" in unequal_budgets(tuned | other)
-    field, board = standings(runs)
-    (row,) = tuned_table(field, board, tuned).rows
-    assert row.head.text == "pinv"
-    better, solved, ended, energy = (entry.text for entry in row.entries[2:])
+    found = results_of(runs, tuned=tuned)
+    (row,) = tuned_table(found, board_of(found)).rows
+    assert row[0].text == "pinv"
+    better, solved, ended, energy = texts(row[3:])
     assert (better, ended, energy) == ("2 / 0 / 0", "0 → 0 of 2", "1.0")
     assert solved.startswith("0 → ")
-    said = "\n".join(summary_lines(groups_of(runs, []), runs, [], field, board, tuned))
+    said = "\n".join(summary_lines(found, board_of(found)))
     assert "like with like: with tuned gains pinv-tuned" in said
-    looks = styles_of(["pinv", "pinv-tuned"], runs, tuned)
+    looks = looks_for(found)
     assert looks["pinv"].colour == looks["pinv-tuned"].colour
     assert looks["pinv-tuned"].hollow
-    assert "No controller was tuned" in "\n".join(limitations_of(runs))
-    assert "No controller was tuned" not in "\n".join(limitations_of(runs, tuned=True))
+    assert "No controller was tuned" in "\n".join(limitations_of(results_of(runs)))
+    assert "No controller was tuned" not in "\n".join(limitations_of(found))
 
 
 def test_machines_are_those_of_the_records():
     known = {"processor": "A 1", "architecture": "x86_64", "system": "Linux"}
     runs = [made_up_run("a", 1e-9, machine=known, seed=seed) for seed in range(2)]
     runs.append(made_up_run("b", 1e-9))
-    rows = [[row.head.text, *(e.text for e in row.entries)] for row in machines_table(runs).rows]
+    rows = [texts(row) for row in machines_table(results_of(runs)).rows]
     assert rows == [["A 1", "x86_64", "Linux", "2"], ["unknown", "unknown", "unknown", "1"]]
 
 
@@ -448,10 +468,8 @@ def test_files_that_are_no_records_are_listed_and_the_others_are_used(results):
     shutil.copy(results.path(results.runs[7]), other)  # of another scenario
     gone.unlink()
     found = read_results(results)
-    assert len(found.runs) == 4
-    assert len(found.failures) == 4
-    assert [failure.pending for failure in found.failures] == [False, False, False, True]
-    reasons = {item.file: item.reason for item in found.unused}
+    assert sorted(found.runs.state) == ["done"] * 4 + ["failed"] * 3 + ["not run"]
+    reasons = found.unused
     assert set(reasons) == {f"runs/{path.name}" for path in (cut, old, other, stranger)} | {
         "runs/notes.txt"
     }
@@ -481,7 +499,7 @@ def test_a_folder_that_cannot_be_written_is_said_with_the_way_out(results, monke
     def refused(self, *args, **kwargs):
         raise PermissionError(13, "Permission denied", str(self))
 
-    monkeypatch.setattr("pathlib.Path.write_text", refused)
+    monkeypatch.setattr("pathlib.Path.write_bytes", refused)
     with pytest.raises(MobmanError, match="Permission denied; another folder can be given with -o"):
         report_on(results.folder)
 
@@ -495,8 +513,8 @@ def test_latex_escapes_what_it_is_given():
     )
     assert escape("1.5e-9 to ∞") == r"$1.5\cdot10^{-9}$ to $\infty$"
     assert escape("|e^e| (m)") == r"$\lVert e^e\rVert$ (m)"
-    rows = [heading("part_1"), Row(text("x_y"), [Entry("1e-3", "best")])]
-    table = Table("c", [text("a"), Entry("b")], rows)
+    rows = [[Entry("part_1")], [Entry("x_y"), Entry("1e-3", "best")]]
+    table = Table("c", [Entry("a", number=False), Entry("b")], rows)
     assert latex_table(table).splitlines() == [
         r"\begin{tabular}{lr}",
         r"\toprule",
@@ -511,11 +529,7 @@ def test_latex_escapes_what_it_is_given():
 
 @pytest.fixture(scope="module")
 def latex(tmp_path_factory):
-    """A folder of LaTeX, and the state of matplotlib before and after."""
-    import matplotlib
-
-    from mobman.benchmark.report import pdf
-
+    """A folder of LaTeX."""
     folder = tmp_path_factory.mktemp("latex")
     runs = [
         made_up_run(label, error * dt * 1e3, scenario=scenario, dt=dt)
@@ -523,13 +537,8 @@ def latex(tmp_path_factory):
         for scenario in ("nominal", "50 %_heavier & more")
         for label, error in (("tsm", 1e-9), ("p_inv", 1e-3), ("lost", math.inf))
     ]
-    failures = [FailedRun("tsm", Cell("youbot", "circle", "cold", 1e-3, 1.0), 0, "no <tip>")]
-    before = dict(matplotlib.rcParams)
-    with pytest.MonkeyPatch.context() as patch:
-        # fonts that are not cut to the letters in use take a tenth of the time
-        patch.setitem(pdf._SETTINGS, "pdf.fonttype", 3)
-        write_latex(folder, SUITE, runs, failures)
-    assert dict(matplotlib.rcParams) == before
+    failure = lost_run({**runs[0], "scenario": "cold"}, "no <tip>")
+    write_latex(folder, results_of(runs, [failure], **SUITE))
     return folder
 
 
@@ -570,4 +579,4 @@ def test_latex_compiles(latex):
 
 def test_latex_is_of_the_cell_asked_for(tmp_path):
     with pytest.raises(UsageError, match="no cell has the name 'x'"):
-        write_latex(tmp_path, SUITE, made_up_runs(THREE, SCENARIOS[:2]), [], ["x"])
+        write_latex(tmp_path, results_of(made_up_runs(THREE, SCENARIOS[:2])), ["x"])

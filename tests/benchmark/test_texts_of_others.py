@@ -10,16 +10,13 @@ from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import pytest
-from support.reported import made_up_metrics, made_up_record, made_up_run
+from support.reported import made_up_metrics, made_up_record, made_up_run, results_of
 
 import mobman as mm
-from mobman.benchmark.report.cells import groups_of
-from mobman.benchmark.report.content import FailedRun, ReportedSuite, UnusedFile
+from mobman.benchmark.report.data import csv_of
 from mobman.benchmark.report.latex import escape, latex_table, write_latex
 from mobman.benchmark.report.report import write_report
-from mobman.benchmark.report.run_list import run_list
-from mobman.benchmark.report.table import Entry, Row, Table, text
-from mobman.simulation.run_spec import Cell
+from mobman.benchmark.report.tables import Entry, Table
 from mobman.viewer.view import View, make_scene
 
 TEXTS = {
@@ -47,12 +44,13 @@ def runs_with(hostile):
         metrics=made_up_metrics(1e-9, **{hostile: 1.0}),
         signals={},
     )
-    cells = [Cell(hostile, hostile, scenario, 1e-3, 1.0) for scenario in names[:2]]
     return [
         made_up_run(
             label,
             error,
-            cell=cell,
+            robot=hostile,
+            task=hostile,
+            scenario=scenario,
             file=f"runs/{hostile}.h5",
             law=hostile,
             status=hostile if math.isinf(error) else "ok",
@@ -69,18 +67,25 @@ def runs_with(hostile):
             replay=hostile,
             load=lambda: record,
         )
-        for cell in cells
+        for scenario in names[:2]
         for label, error in zip(names, (1e-9, 1e-3, math.inf), strict=True)
     ]
 
 
-def others(hostile):
-    cell = Cell(hostile, hostile, f"{hostile} 0", 1e-3, 1.0)
-    return (
-        ReportedSuite(hostile, hostile, 1.0, 2, folder=hostile),
-        [FailedRun(f"{hostile} 0", cell, 1, hostile, family=hostile)],
-        [UnusedFile(hostile, hostile)],
-    )
+def results_with(hostile):
+    """Results whose every text is the one given."""
+    row = {
+        "label": f"{hostile} 0",
+        "robot": hostile,
+        "task": hostile,
+        "scenario": f"{hostile} 0",
+        "state": "failed",
+        "message": hostile,
+        "family": hostile,
+        "seed": 1,
+    }
+    about = {"name": hostile, "description": hostile, "seconds": 1.0, "workers": 2}
+    return results_of(runs_with(hostile), [row], **about, folder=hostile, unused={hostile: hostile})
 
 
 class Elements(HTMLParser):
@@ -114,8 +119,7 @@ def reports(tmp_path_factory):
     found = {}
     for name, hostile in {**TEXTS, "plain": "plain"}.items():
         folder = tmp_path_factory.mktemp(name)
-        suite, failures, unused = others(hostile)
-        found[name] = write_report(folder, suite, runs_with(hostile), failures, unused)
+        found[name] = write_report(folder, results_with(hostile))
     return found
 
 
@@ -158,10 +162,8 @@ def test_markdown(reports, name):
     "first", ["=1+1", "+1", "-1+cmd|' /C calc'!A0", "@SUM(A1)", "\t=1", "\r=1"]
 )
 def test_csv(first):
-    _, failures, _ = others(first)
-    runs = runs_with(first)
-    rows = list(csv.reader(io.StringIO(run_list(groups_of(runs, failures)), newline="")))
-    assert len(rows) == 1 + len(runs) + len(failures)
+    rows = list(csv.reader(io.StringIO(csv_of(results_with(first)), newline="")))
+    assert len(rows) == 1 + len(runs_with(first)) + 1
     number = re.compile(r"-?[0-9.e+-]+|-?inf|nan")
     texts = [cell for row in rows for cell in row if cell and not number.fullmatch(cell)]
     assert any(cell.startswith("'" + first.replace("\r", "\\r")) for cell in texts)
@@ -170,17 +172,13 @@ def test_csv(first):
 
 def test_csv_keeps_numbers():
     run = made_up_run("tsm", 1e-9, metrics=made_up_metrics(-1.5, settling=-math.inf))
-    rows = list(csv.DictReader(io.StringIO(run_list(groups_of([run], [])))))
+    rows = list(csv.DictReader(io.StringIO(csv_of(results_of([run])))))
     assert (rows[0]["task_error_max"], rows[0]["settling"]) == ("-1.5", "-inf")
 
 
 @pytest.mark.parametrize("name", ["latex", "formula", "markdown"])
-def test_latex(name, tmp_path, monkeypatch):
-    from mobman.benchmark.report import pdf
-
-    monkeypatch.setitem(pdf._SETTINGS, "pdf.fonttype", 3)  # without cutting fonts, it is faster
-    suite, failures, _ = others(TEXTS[name])
-    write_latex(tmp_path, suite, runs_with(TEXTS[name]), failures)
+def test_latex(name, tmp_path):
+    write_latex(tmp_path, results_with(TEXTS[name]))
     included = {path.stem for path in tmp_path.glob("*.tex")}
     for path in tmp_path.glob("*.tex"):
         content = read(path)
@@ -204,7 +202,7 @@ COMMANDS = set(
 
 
 def test_latex_escapes_what_would_be_an_argument_of_the_row_before():
-    table = Table("c", [text("a"), Entry("b")], [Row(text("[1pt]"), [Entry("*")])])
+    table = Table("c", [Entry("a"), Entry("b")], [[Entry("[1pt]"), Entry("*")]])
     assert r"{[}1pt{]} & {*} \\" in latex_table(table)
     assert escape("\\input x\x1b\x7f\u202e") == (
         r"\textbackslash{}input x\textbackslash{}x1b\textbackslash{}x7f\textbackslash{}u202e"

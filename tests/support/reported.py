@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from mobman.benchmark.report.content import ReportedRun
+from mobman.benchmark.report.data import Results
 from mobman.simulation.metrics import list_metrics
 from mobman.simulation.record import Record
-from mobman.simulation.run_spec import Cell
 
 
 def made_up_record(n: int = 50, **changes: object) -> Record:
@@ -65,12 +64,16 @@ def made_up_run(
     seed: int = 0,
     load: Callable[[], Record] = made_up_record,
     **changes: object,
-) -> ReportedRun:
-    """A run with a steady error; one that ended early if that is inf."""
+) -> dict[str, object]:
+    """The row of a run with a steady error; of one that ended early if that is inf."""
     ended = math.isinf(error)
-    fields = {
+    row = {
         "label": label,
-        "cell": Cell(robot, task, scenario, dt, 1.0),
+        "robot": robot,
+        "task": task,
+        "scenario": scenario,
+        "dt": dt,
+        "duration": 1.0,
         "seed": seed,
         "file": f"runs/{robot}-{task}-{scenario}-{dt:g}-{label}-{seed}.h5",
         "law": label,
@@ -82,12 +85,24 @@ def made_up_run(
         "created": "2024-05-01T12:00:00+00:00",
         "load": load,
     }
-    return ReportedRun(**{**fields, **changes})
+    return {**row, **changes}
+
+
+def lost_run(run: dict[str, object], reason: str, *, pending: bool = False) -> dict[str, object]:
+    """The row of a run without a result in place of one."""
+    kept = ("label", "robot", "task", "scenario", "dt", "duration", "seed", "family")
+    row = {name: run[name] for name in kept if name in run}
+    return {**row, "state": "not run" if pending else "failed", "message": reason}
+
+
+def results_of(*rows: list[dict[str, object]], **about: object) -> Results:
+    """Results of some rows."""
+    return Results([row for some in rows for row in some], **about)
 
 
 def made_up_runs(
     labels: dict[str, float], scenarios: Iterable[str], robots: Iterable[str] = ("youbot",)
-) -> list[ReportedRun]:
+) -> list[dict[str, object]]:
     """A run of each label in each cell; its error is the label's, times a cell's own factor."""
     random = np.random.default_rng(3)
     runs = []

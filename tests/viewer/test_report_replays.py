@@ -11,7 +11,7 @@ import pytest
 from support.suites import small_suite
 
 import mobman as mm
-from mobman.benchmark.reporting import report_on
+from mobman.benchmark.report.report import report_on
 from mobman.benchmark.runner import run_suite
 from mobman.benchmark.suite import load_suite
 from mobman.cli.bench import report_command

@@ -6,11 +6,14 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from mobman.benchmark.report.cells import CellRuns, Group
-from mobman.benchmark.report.chart import Chart, Look
-from mobman.benchmark.report.content import FailedRun, ReportedRun, ReportedSuite
-from mobman.benchmark.report.table import Entry, Row, Table
+from mobman.benchmark.report import charts, tables
+from mobman.benchmark.report.charts import Figure
+from mobman.benchmark.report.data import DONE, Results
+from mobman.benchmark.report.format import slug
+from mobman.benchmark.report.standings import EFFORTS, board_of, prices_of, select
+from mobman.benchmark.report.tables import Entry, Table
 from mobman.errors import MobmanError
+from mobman.figures import files
 from mobman.printable import printable
 
 _SYMBOLS = {
@@ -63,20 +66,12 @@ _PREAMBLE = r"""% Compiles by pdflatex, lualatex or xelatex, in this folder.
 """
 
 
-def write_latex(
-    folder: Path,
-    suite: ReportedSuite,
-    runs: Sequence[ReportedRun],
-    failures: Sequence[FailedRun],
-    patterns: Sequence[str] = (),
-) -> list[Path]:
+def write_latex(folder: Path, results: Results, patterns: Sequence[str] = ()) -> list[Path]:
     """Write tables (booktabs), figures (PDF) and ``example.tex``, which includes all of them.
 
     Args:
         folder: Where they go; it is made if need be.
-        suite: What the runs are of.
-        runs: In the suite's order.
-        failures: Runs that gave no result.
+        results: The runs.
         patterns: The first cell that one of them fits is the one whose errors and torques are drawn;
             by default the paper's, or else the first.
 
@@ -84,22 +79,18 @@ def write_latex(
         MobmanError: If they cannot be written.
         UsageError: If a pattern fits no cell.
     """
-    tables, charts = _content(suite, runs, failures, patterns)
-    files = {f"{name}.tex": latex_table(table) for name, table in tables.items()}
-    files["example.tex"] = _example(suite, tables, charts)
+    contents, figures = _content(results, patterns)
+    texts = {f"{name}.tex": latex_table(table) for name, table in contents.items()}
+    texts["example.tex"] = _example(results.name, contents, figures)
+    found = {folder / n: text.encode("utf-8", "backslashreplace") for n, text in texts.items()}
+    for name, figure in figures.items():
+        spec = files.beside(figure.charts, across=figure.across)
+        found[folder / f"{name}.pdf"] = files.drawn(spec, "pdf")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            (folder / name).write_text(content, encoding="utf-8", errors="backslashreplace")
-        if charts:
-            from mobman.benchmark.report.pdf import write_pdf
-
-            for name, chart in charts.items():
-                write_pdf(folder / f"{name}.pdf", chart)
-    except OSError as error:
-        reason = error.strerror or error
-        raise MobmanError(f"cannot write LaTeX files to {folder}: {reason}") from error
-    return [folder / name for name in (*files, *(f"{name}.pdf" for name in charts))]
+        files.write_all(found)
+    except MobmanError as error:
+        raise MobmanError(f"cannot write LaTeX files to {folder}: {error}") from error
+    return list(found)
 
 
 def latex_table(table: Table) -> str:
@@ -109,12 +100,11 @@ def latex_table(table: Table) -> str:
     """
     columns = "".join("r" if item.number else "l" for item in table.columns)
     lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule"]
-    lines += [_row(Row(table.columns[0], table.columns[1:])), r"\midrule"]
+    lines += [_row(table.columns), r"\midrule"]
     for row in table.rows:
-        if row.title:
-            lines.append(
-                rf"\addlinespace \multicolumn{{{len(columns)}}}{{l}}{{{escape(row.head.text)}}} \\"
-            )
+        if len(row) == 1 < len(columns):
+            title = escape(row[0].text)
+            lines.append(rf"\addlinespace \multicolumn{{{len(columns)}}}{{l}}{{{title}}} \\")
         else:
             lines.append(_row(row))
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
@@ -141,8 +131,8 @@ def _plain(text: str) -> str:
     return "".join(_SYMBOLS.get(letter, letter) for letter in text)
 
 
-def _row(row: Row) -> str:
-    return " & ".join(_entry(item) for item in (row.head, *row.entries)) + r" \\"
+def _row(row: Sequence[Entry]) -> str:
+    return " & ".join(map(_entry, row)) + r" \\"
 
 
 def _entry(item: Entry) -> str:
@@ -156,98 +146,57 @@ def _entry(item: Entry) -> str:
 
 
 def _content(
-    suite: ReportedSuite,
-    runs: Sequence[ReportedRun],
-    failures: Sequence[FailedRun],
-    patterns: Sequence[str],
-) -> tuple[dict[str, Table], dict[str, Chart]]:
-    from mobman.benchmark.report import overview_charts as drawn
-    from mobman.benchmark.report import standings_tables as standings
-    from mobman.benchmark.report.evaluation import evaluate
-    from mobman.benchmark.report.tables import summary_table
-
-    found = evaluate(suite, runs, failures)
-    groups, styles, field, board = found.groups, found.styles, found.field, found.board
-    tables: dict[str, Table] = {}
-    charts: dict[str, Chart] = {}
-    if field.cells:
-        tables["leaderboard"] = standings.leaderboard_table(board)
-    if board.families:
-        tables["families"] = standings.families_table(board)
-    if board.pairs:
-        tables["comparisons"] = standings.pairs_table(board.pairs)
-    tuned = standings.tuned_table(field, board, suite.tuned) if found.compared else None
-    if tuned is not None:
-        tables["tuned"] = tuned
-    for number, group in enumerate(groups, 1):
-        tables[f"results-{number}"] = summary_table(group)
-    if found.compared:
-        prices = {name: drawn.prices_of(field, board, name) for name in drawn.EFFORTS}
-        charts["leaderboard"] = drawn.leaderboard_chart(board, styles)
-        charts["scenarios"] = drawn.scenarios_chart(field)
-        charts["profiles"] = drawn.profiles_chart(field, styles)
-        charts["pareto"] = drawn.pareto_chart(prices, styles)
-    periods = drawn.periods_chart(groups, styles)
-    if periods is not None:
-        charts["sampling-periods"] = periods
-    cell = _chosen(groups, patterns)
-    if cell is not None:
-        charts |= _of_cell(cell, styles)
-    return tables, charts
-
-
-def _chosen(groups: Sequence[Group], patterns: Sequence[str]) -> CellRuns | None:
-    from mobman.benchmark.report.drawings import papers_cells
-    from mobman.benchmark.report.selection import select
-
-    found = select(groups, patterns).cells if patterns else papers_cells(groups)
-    found = found or [cell for group in groups for cell in group.cells if cell.runs]
-    return found[0] if found else None
-
-
-def _of_cell(cell: CellRuns, styles: dict[str, Look]) -> dict[str, Chart]:
-    from mobman.benchmark.report import time_charts
-    from mobman.benchmark.report.curves import read_curves
-    from mobman.benchmark.report.drawings import is_the_papers
-
-    curves = read_curves(cell, 800, 400)
-    if not curves.runs:
-        return {}
-    shown = next((run for run in curves.runs if is_the_papers(run)), curves.runs[0])
-    return {
-        "task-error": time_charts.task_error_chart(curves, styles),
-        "auxiliary-error": time_charts.auxiliary_error_chart(curves, styles),
-        "torque": time_charts.torque_chart(shown),
+    results: Results, patterns: Sequence[str]
+) -> tuple[dict[str, Table], dict[str, Figure]]:
+    board, looks = board_of(results), charts.looks_for(results)
+    found: dict[str, Table | None] = {
+        "leaderboard": tables.leaderboard_table(board) if len(board.cells) else None,
+        "families": tables.families_table(board, results) if board.families else None,
+        "comparisons": tables.pairs_table(board.pairs) if board.pairs else None,
+        "tuned": tables.tuned_table(results, board) if board.compares else None,
     }
+    for number, group in enumerate(results.groups, 1):
+        found[f"results-{number}"] = tables.summary_table(results, group)
+    figures: dict[str, Figure | None] = {
+        "sampling-periods": charts.periods_figure(results, looks),
+        "sensitivity": charts.sensitivity_figure(results, looks),
+    }
+    if board.compares:
+        prices = {name: prices_of(results, board, name) for name in EFFORTS}
+        figures |= {
+            "leaderboard": charts.leaderboard_figure(board, looks),
+            "scenarios": charts.heat_map(results, board, "variant", "scenarios")[0],
+            "profiles": charts.profiles_figure(results, board, looks),
+            "pareto": charts.pareto_figure(prices, looks),
+        }
+    done = set(results.runs.cell[results.runs.state == DONE])
+    cells = select(results, patterns).cells if patterns else [charts.papers_cell(results)]
+    cell = cells[0] if cells and cells[0] is not None else min(done, default=None)
+    if cell is not None:
+        for figure in charts.cell_figures(results, cell, looks, 800, 400).figures:
+            figures[slug(figure.name.removeprefix(f"{results.cells.name[cell]} "))] = figure
+    return (
+        {name: table for name, table in found.items() if table is not None},
+        {name: figure for name, figure in figures.items() if figure is not None},
+    )
 
 
-def _example(suite: ReportedSuite, tables: dict[str, Table], charts: dict[str, Chart]) -> str:
-    parts = [_PREAMBLE + rf"\section*{{Benchmark {escape(suite.name)}}}"]
-    for name, table in tables.items():
-        parts.append(
-            "\n".join(
-                [
-                    r"\begin{table}[htbp]",
-                    r"\centering",
-                    rf"\caption{{{escape(table.caption)}}}",
-                    rf"\label{{tab:{name}}}",
-                    rf"\resizebox{{\ifdim\width>\linewidth\linewidth\else\width\fi}}{{!}}"
-                    rf"{{\input{{{name}}}}}",
-                    r"\end{table}",
-                ]
-            )
-        )
-    for name, chart in charts.items():
-        parts.append(
-            "\n".join(
-                [
-                    r"\begin{figure}[htbp]",
-                    r"\centering",
-                    rf"\includegraphics[width=\linewidth]{{{name}.pdf}}",
-                    rf"\caption{{{escape(chart.title)}.}}",
-                    rf"\label{{fig:{name}}}",
-                    r"\end{figure}",
-                ]
-            )
-        )
+def _example(title: str, contents: dict[str, Table], figures: dict[str, Figure]) -> str:
+    parts = [_PREAMBLE + rf"\section*{{Benchmark {escape(title)}}}"]
+    parts += [
+        _float("table", f"tab:{name}", escape(table.caption), _FIT.replace("NAME", name))
+        for name, table in contents.items()
+    ]
+    for name, figure in figures.items():
+        caption = escape(figure.charts[0]["description"]) + "."
+        included = rf"\includegraphics[width=\linewidth]{{{name}.pdf}}"
+        parts.append(_float("figure", f"fig:{name}", caption, included))
     return "\n\n".join([*parts, r"\end{document}", ""])
+
+
+_FIT = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{\input{NAME}}"
+
+
+def _float(kind: str, label: str, caption: str, content: str) -> str:
+    lines = [r"\centering", rf"\caption{{{caption}}}", rf"\label{{{label}}}", content]
+    return "\n".join([rf"\begin{{{kind}}}[htbp]", *lines, rf"\end{{{kind}}}"])

@@ -1,42 +1,91 @@
-"""Writing the report."""
+"""From a folder of results to its report: HTML, Markdown, CSV and LaTeX."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
+from typing import Any
+from urllib.parse import quote
 
-from mobman.benchmark.report.content import (
-    FailedRun,
-    ReportedRun,
-    ReportedSuite,
-    ReportFiles,
-    UnusedFile,
-)
+import jinja2
+from markupsafe import escape
+
+from mobman.benchmark.report import charts, findings, format, gains, tables
+from mobman.benchmark.report.data import DONE, NOT_RUN, Results, WriteReplay, csv_of, read_results
+from mobman.benchmark.report.standings import EFFORTS, board_of, prices_of, select
+from mobman.benchmark.store import Store
 from mobman.errors import MobmanError
-from mobman.files import temporary_beside
+from mobman.figures import files
+from mobman.figures.looks import Look
 from mobman.input_file import check_within
+from mobman.printable import printable
+from mobman.simulation.metrics import STEADY, list_metrics
 
 _FIGURES = "figures"
+_BUDGET = 8_000_000  # bytes of all cells' figures
+_WHOLE = 100_000  # bytes that the figures of a cell take if they are drawn in full
+_MOST_OVERVIEWS = 6  # groups with a figure each
+_MOST_METRICS = 40_000  # entries of all tables of metrics
+_MOST_REPLAYS = 300  # rows
+_MOST_ENDINGS = 2_000  # rows
+_MOST_ROWS = 12  # of a table in Markdown
 
 
 @dataclass(frozen=True)
-class Request:
-    """What a report is to show that may be chosen."""
+class ReportFiles:
+    """Where a report is."""
 
-    cells: Sequence[str] = ()
-    """Names of the cells to draw, with ``*`` and ``?``; by default all, or a selection of many."""
+    html: Path
+    markdown: Path
+    csv: Path
 
 
-def write_report(
-    folder: Path,
-    suite: ReportedSuite,
-    runs: Sequence[ReportedRun],
-    failures: Sequence[FailedRun] = (),
-    unused: Sequence[UnusedFile] = (),
-    request: Request | None = None,
+def report_on(
+    folder: str | os.PathLike[str],
+    *,
+    output: str | os.PathLike[str] | None = None,
+    cells: Sequence[str] = (),
+    latex: str | os.PathLike[str] | None = None,
+    write_replay: WriteReplay | None = None,
 ) -> ReportFiles:
+    """Write the report of a folder of results, and its index.
+
+    Args:
+        folder: The folder.
+        output: Where the report goes; into the folder by default. With another one, nothing is written
+            into the folder, so that it may be read-only.
+        cells: Names of the cells to draw, ``"ROBOT, TASK, SCENARIO"``, with ``*`` and ``?``; by
+            default all of them, or a selection where they are many.
+        latex: A folder for LaTeX tables and vector figures; none by default. The errors and torques
+            are those of the first of ``cells``, or of the suite's first cell.
+        write_replay: Writes the page ``replays/RUN_ID.html`` of a run, at its instant of failure if
+            it ended early; by default none is written, and those that are there are linked if they
+            are no older than their records.
+
+    Runs whose record is missing or unreadable are listed with the reason; none is dropped.
+
+    Raises:
+        MobmanError: If the folder holds no results at all, or the report cannot be written.
+        UsageError: If there is no such cell.
+    """
+    store = Store(folder)
+    place = store.folder if output is None else Path(output)
+    results = read_results(store, place, write_replay)
+    written = write_report(place, results, cells)
+    if latex is not None:
+        from mobman.benchmark.report.latex import write_latex
+
+        write_latex(Path(latex), results, cells)
+    if output is None:
+        store.rebuild_index()  # a folder of unknown origin may hold links to anywhere
+    return written
+
+
+def write_report(folder: Path, results: Results, cells: Sequence[str] = ()) -> ReportFiles:
     """Write ``report.html``, ``report.md``, the figures of the latter and ``report.csv``.
 
     All is made before anything is written, and each file is there whole or not at all: a report that
@@ -44,60 +93,187 @@ def write_report(
 
     Args:
         folder: Where the report goes; it is made if need be.
-        suite: What the runs are of.
-        runs: In the suite's order, which is the order of controllers and scenarios in the report.
-        failures: Runs that gave no result.
-        unused: Files that are not used, and why.
-        request: What to show; the default suits any suite.
+        results: What the report is of.
+        cells: Names of the cells to draw; see :func:`report_on`.
 
     Raises:
         MobmanError: If it cannot be written.
-        UsageError: If the request names a cell that there is not.
+        UsageError: If there is no such cell.
     """
-    # here, so that who merely imports this module does not wait for what it takes
-    from mobman.benchmark.report.page_content import page_content
-    from mobman.benchmark.report.pages import render
-
-    folder = Path(folder)
-    cells = request.cells if request else ()
-    content = page_content(suite, runs, failures, unused, cells)
-    html, markdown = render(content, _FIGURES)
-    figures = folder / _FIGURES
-    shown = [*content["overall"].values(), *content["overviews"].values()]
-    shown += [figure for cell in (*content["paper"], *content["few"]) for figure in cell.all]
-    files = {
-        figures / f"{figure.drawing.key}.svg": figure.drawing.file
-        for figure in shown
-        if figure is not None
+    content = _content(results, cells)
+    shown = [content["leaderboard_figure"], *content["paper_figures"][:1]]
+    pictures = {figure.name: figure for figure in shown if figure is not None}
+    environment = _environment()
+    html = environment.get_template("report.html.j2").render(content)
+    markdown = environment.get_template("report.md.j2").render(
+        content, pictures=list(pictures.values())
+    )
+    found = ReportFiles(folder / "report.html", folder / "report.md", folder / "report.csv")
+    contents = {
+        folder / _FIGURES / f"{format.slug(name)}.svg": files.drawn(files.beside(f.charts), "svg")
+        for name, f in pictures.items()
     }
-    result = ReportFiles(folder / "report.html", folder / "report.md", folder / "report.csv")
-    texts = {result.csv: content["csv"], result.markdown: markdown, result.html: html}
-    check_within(figures, folder)
-    _write_all({**files, **texts})
-    return result
-
-
-def _write_all(files: Mapping[Path, str]) -> None:
-    """Write files to temporary names, then give them their own."""
-    temporary = {path: temporary_beside(path) for path in files}
+    texts = {found.csv: csv_of(results), found.markdown: markdown, found.html: html}
+    contents |= {p: text.encode("utf-8", "backslashreplace") for p, text in texts.items()}
+    check_within(folder / _FIGURES, folder)
     try:
-        for path, text in files.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            temporary[path].write_text(text, encoding="utf-8", errors="backslashreplace")
-        for path in files:
-            os.replace(temporary[path], path)
-    except OSError as error:
-        reason = error.strerror or error
-        raise MobmanError(
-            f"cannot write the report {error.filename}: {reason}; another folder can be given with -o"
-        ) from error
-    finally:
-        _remove(temporary.values())
+        files.write_all(contents)
+    except MobmanError as error:
+        raise MobmanError(f"{error}; another folder can be given with -o") from error
+    return found
 
 
-def _remove(paths: Iterable[Path]) -> None:
-    for path in paths:
-        try:
-            path.unlink(missing_ok=True)
-        except OSError:  # its folder could not be made: there is nothing to remove
-            continue
+def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
+    """What the templates show, by the names that they use."""
+    board, looks = board_of(results), charts.looks_for(results)
+    selection = select(results, patterns)
+    runs, cells = results.runs, results.cells
+    compared = board.compares
+    prices = {name: prices_of(results, board, name) for name in EFFORTS} if compared else {}
+    paper = None if patterns else charts.papers_cell(results)
+    drawn = {found.cell: found for found in _drawn(results, looks, selection.cells, paper)}
+    metrics = _metrics_tables(results, [*drawn])
+    replays = tables.replays_table(results, _MOST_REPLAYS)
+    endings, losses = tables.endings_table(results), tables.losses_table(results)
+    heat = charts.heat_map(results, board, "variant", "scenarios") if compared else (None, 0)
+    created = sorted({moment for moment in runs.created if moment})
+    versions, warning = tables.versions_table(results)
+    several = compared and len(board.cells) > 1
+    robots = results.cells.group.loc[board.cells].nunique()
+    return {
+        "results": results,
+        "board": board,
+        "looks": looks,
+        "compared": compared,
+        "groups": results.groups,
+        # the head
+        "asked": len(runs),
+        "durations": format.span(list(cells.duration), 1.0, "s") if len(cells) else "",
+        "periods": format.span(list(cells.dt), 1e3, "ms") if len(cells) else "",
+        "wall_time": "" if results.seconds is None else format.duration(results.seconds),
+        "first": format.moment(created[0]) if created else "",
+        "last": format.moment(created[-1]) if created else "",
+        "written": format.moment(datetime.now(UTC).isoformat()),
+        "first_sentences": findings.first_sentences(results, board),
+        "summary": findings.summary_lines(results, board),
+        "pending": int((runs.state == NOT_RUN).sum()),
+        "lost": sum(standing.lost for standing in board.ranked),
+        # over all cells
+        "leaderboard": tables.leaderboard_table(board) if len(board.cells) else None,
+        "leaderboard_figure": charts.leaderboard_figure(board, looks) if compared else None,
+        "families": tables.families_table(board, results) if board.families else None,
+        "pairs": tables.pairs_table(board.pairs) if board.pairs else None,
+        "prices": tables.prices_table(prices) if prices else None,
+        "tuned": tables.tuned_table(results, board) if compared else None,
+        "scenarios": heat[0] if several else None,
+        "scenarios_left_out": heat[1],
+        "robots": charts.heat_map(results, board, "group", "robots")[0]
+        if compared and robots > 1
+        else None,
+        "sweeps": _sweeps(results, looks),
+        "profiles": charts.profiles_figure(results, board, looks) if compared else None,
+        "pareto": charts.pareto_figure(prices, looks) if prices else None,
+        # cell by cell
+        "steady": f"{100 * STEADY:g} %",
+        "steady_rest": f"{100 * (1 - STEADY):g} %",
+        "summary_tables": {group: tables.summary_table(results, group) for group in results.groups},
+        "overviews": _overviews(results, looks),
+        "explicit": list(dict.fromkeys(runs.label[runs.explicit])),
+        "paper": drawn.get(paper) if paper is not None else None,
+        "paper_figures": drawn[paper].figures if paper is not None else [],
+        "drawn": [drawn[cell] for cell in selection.cells if cell != paper],
+        "selection": selection,
+        "seeds": runs.groupby("cell").seed.nunique(),
+        "metrics_tables": metrics,
+        "all_metrics": len(metrics) == len(cells),
+        "replays": replays,
+        "all_replays": len(replays.rows) == int((runs.command != "").sum()),
+        # what failed, and what made the results
+        "endings": endings,
+        "losses": losses,
+        "most_endings": _MOST_ENDINGS,
+        "endings_by_reason": tables.endings_by_reason(results),
+        "saturation": tables.saturation_table(results),
+        "unused": tables.unused_table(results),
+        "settings": gains.settings_of(results),
+        "tuning": gains.tuning_table(results.tuned),
+        "budgets": gains.unequal_budgets(results.tuned),
+        "versions": versions,
+        "warning": warning,
+        "machines": tables.machines_table(results),
+        "machine": tables.machine_table(),
+        "timing": tables.timing_table(results),
+        "limitations": findings.limitations_of(results),
+        "definitions": tables.definitions_table(),
+        "markdown_rows": _MOST_ROWS,
+        "figures": _FIGURES,
+    }
+
+
+def _sweeps(results: Results, looks: dict[str, Look]) -> dict[str, charts.Figure]:
+    found = {
+        "Sampling periods": charts.periods_figure(results, looks),
+        "Sensitivity": charts.sensitivity_figure(results, looks),
+    }
+    return {title: figure for title, figure in found.items() if figure is not None}
+
+
+def _overviews(results: Results, looks: dict[str, Look]) -> dict[str, charts.Figure]:
+    """A figure of each of the first groups, by the group's name; none of a group of many cells."""
+    sizes = results.cells.groupby("group", sort=False).size()[:_MOST_OVERVIEWS]
+    done = set(results.cells.group.reindex(results.runs.cell[results.runs.state == DONE]))
+    few = [group for group, n in sizes.items() if n <= 4 * _MOST_OVERVIEWS and group in done]
+    return {group: charts.overview_figure(results, group, looks) for group in few}
+
+
+def _drawn(
+    results: Results, looks: dict[str, Look], cells: Sequence[int], paper: int | None
+) -> list[charts.CellFigures]:
+    """Draw cells one after the other: in full, or small where they are many."""
+    wanted = list(dict.fromkeys([*([] if paper is None else [paper]), *cells]))
+    whole, left, found = len(wanted) * _WHOLE <= _BUDGET, float(_BUDGET), []
+    for done, cell in enumerate(wanted):
+        share = left / (len(wanted) - done)
+        full = whole or cell == paper
+        columns = 400 if full else int(min(max(share / 400.0, 24), 200))
+        drawn = charts.cell_figures(results, cell, looks, columns, 250 if full else 0)
+        figures = [*drawn.figures, *drawn.more]
+        left -= sum(len(files.json_text(c)) for figure in figures for c in figure.charts)
+        found.append(drawn)
+    return found
+
+
+def _metrics_tables(results: Results, drawn: Sequence[int]) -> dict[int, tables.Table]:
+    """Tables of every metric: of all cells, or, where these are too many, of those that are drawn."""
+    sizes = len(list_metrics()) * results.runs.groupby("cell").size()
+    chosen = list(results.cells.index)
+    if sizes.sum() > _MOST_METRICS:
+        room = sizes.loc[list(drawn)].cumsum() <= _MOST_METRICS
+        chosen = list(room.index[room])
+    return {cell: tables.metrics_table(results, cell) for cell in chosen}
+
+
+# Rendering -----------------------------------------------------------------------------------------
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("mobman.benchmark.report", "templates"),
+        autoescape=jinja2.select_autoescape(enabled_extensions=("html.j2",)),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    filters = {
+        "symbols": format.html_text,
+        "md": format.markdown_text,
+        "slug": format.slug,
+        "element": files.element,
+        "address": quote,
+        "plain": lambda text: escape(printable(str(text))),
+    }
+    environment.filters.update(filters)
+    environment.globals.update(scripts=files.scripts, policy=files.POLICY, chart_help=files.HELP)
+    return environment

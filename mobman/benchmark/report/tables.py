@@ -1,27 +1,41 @@
-"""The tables of results."""
+"""The tables of a report, before they are HTML, Markdown or LaTeX."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import os
+import platform
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from mobman.benchmark.report.cells import CellRuns, Group, unique
-from mobman.benchmark.report.content import FailedRun, ReportedRun, UnusedFile
+from mobman.benchmark.report.data import DONE, NOT_RUN, Results
 from mobman.benchmark.report.format import (
     UNDEFINED,
     cut,
-    ending,
+    ended,
     instant,
+    interval_range,
     metric_unit,
     metric_value,
     number,
+    p_value,
+    percent,
+    rank_range,
+    signed,
 )
-from mobman.benchmark.report.scores import worst_error
-from mobman.benchmark.report.table import Entry, Row, Table, heading, text
-from mobman.simulation.metrics import Metric, list_metrics
+from mobman.benchmark.report.standings import EFFORTS, Board, Pair, Price, Standing
+from mobman.provenance import machine
+from mobman.simulation.metrics import list_metrics
 
+SIGNIFICANT = 0.05
+"""Adjusted p below which two controllers are called different."""
+ALIKE = 0.05
+"""Decades: two errors whose median difference is surely below it are called alike, whatever p is."""
 _SECTIONS = {
     "tracking": "Tracking",
     "redundancy": "Redundancy",
@@ -29,344 +43,523 @@ _SECTIONS = {
     "consistency": "Consistency of the simulation",
     "timing": "Computing time",
 }
-_MOST_COLUMNS = 8  # scenarios that stand side by side
-_LONGEST = 400  # characters of a reason
 _NOT_RANKED = "consistency"  # says something of the integrator, not of the controller
+_MOST_COLUMNS = 8  # scenarios that stand side by side
+_MACHINE = ("processor", "architecture", "system")
 
 
-def summary_table(group: Group) -> Table:
-    """Controllers and scenarios of a group: the largest steady task error, the worst of the seeds.
+class Entry(NamedTuple):
+    """A place in a table."""
+
+    text: str
+    mark: str = ""
+    """``"best"`` of its row; ``"bad"``, as a run that diverged; ``"faint"``; or none."""
+    detail: str = ""
+    """More about it, shown on demand."""
+    label: str = ""
+    """The controller whose colour it shows."""
+    link: str = ""
+    """Relative address."""
+    unit: str = ""
+    """Shown small behind the text."""
+    number: bool = True
+    """Of a column's heading: True if its entries are aligned as numbers."""
+    command: bool = False
+    """True for words that a shell takes."""
+
+
+@dataclass
+class Table:
+    """Columns with headings, and rows; a row of one entry is a heading over those that follow."""
+
+    caption: str
+    columns: Sequence[Entry]
+    rows: Sequence[Sequence[Entry]]
+
+
+def table_of(caption: str, columns: str, rows: Sequence[Sequence[Any]], *more: Entry) -> Table:
+    """Make a table.
+
+    Args:
+        caption: Its caption.
+        columns: Their headings, separated by ``;``; of numbers where one starts with ``#``.
+        rows: Entries, or their texts.
+        more: Headings of more columns.
+    """
+    heads = [Entry(name.lstrip("#"), number=name.startswith("#")) for name in columns.split(";")]
+    own = [[item if isinstance(item, Entry) else Entry(item) for item in row] for row in rows]
+    return Table(caption, [*heads, *more], own)
+
+
+def label_entry(label: str) -> Entry:
+    """Make the entry of a controller, with its colour."""
+    return Entry(label, label=label)
+
+
+def _best(text: str, best: bool) -> Entry:
+    return Entry(text, "best" if best else "")
+
+
+# Comparison ----------------------------------------------------------------------------------------
+
+
+def leaderboard_table(board: Board) -> Table:
+    """Show every controller's place over all cells."""
+    rows = []
+    for s in board.standings:
+        lost = [f"{s.ended} ended early"] if s.ended else []
+        lost += [f"{s.lost} without result"] if s.lost else []
+        rows.append(
+            [
+                rank_range(s.ranks),
+                label_entry(s.label),
+                _best(number(s.error.estimate), _leads(s, board.ranked)),
+                interval_range(s.error),
+                f"{s.solved} of {s.cells}",
+                percent(s.rate),
+                str(s.asked),
+                Entry(", ".join(lost) or UNDEFINED, "bad" if lost else "faint"),
+            ]
+        )
+    columns = (
+        "rank;controller;#steady |e^e| (m);#95 % interval;#cells solved;#95 % interval;#runs;"
+        "of these, failed"
+    )
+    return table_of("Leaderboard over all compared cells", columns, rows)
+
+
+def _leads(standing: Standing, others: Sequence[Standing]) -> bool:
+    """True for those that may be first, unless all may be."""
+    firsts = [other for other in others if other.ranks is not None and other.ranks[0] == 1]
+    return standing in firsts and len(firsts) < len(others)
+
+
+def families_table(board: Board, results: Results) -> Table:
+    """Show places by scenario family: families in rows, controllers in columns."""
+    labels = [standing.label for standing in board.ranked]
+    counts = results.cells.family.loc[board.cells].value_counts()
+    rows = []
+    for family, found in board.families.items():
+        row: list[Entry | str] = [family, str(counts[family])]
+        for s in (found[label] for label in labels):
+            solved = f"{s.solved} of {s.cells} cells solved"
+            row.append(
+                Entry(
+                    number(s.error.estimate, 2),
+                    "best" if _leads(s, list(found.values())) else "",
+                    f"{interval_range(s.error)}; {solved}",
+                    unit=f"{rank_range(s.ranks)} · {s.solved}/{s.cells}",
+                )
+            )
+        rows.append(row)
+    caption = "By scenario family: steady |e^e| (m), ranks that the intervals allow · cells solved"
+    return table_of(caption, "scenario family;#cells", rows, *map(label_entry, labels))
+
+
+def pairs_table(pairs: Sequence[Pair]) -> Table:
+    """Show every two controllers on the same cells."""
+    rows = []
+    for pair in pairs:
+        found, success = pair.error, pair.success
+        difference = found.median_difference
+        rows.append(
+            [
+                f"{pair.a} – {pair.b}",
+                str(found.n),
+                f"{found.wins} / {found.ties} / {found.losses}",
+                signed(difference.estimate),
+                f"{signed(difference.low)} to {signed(difference.high)}",
+                _best(p_value(pair.error_p), pair.error_p < SIGNIFICANT),
+                signed(found.effect_size),
+                f"{success.only_a} / {success.only_b}",
+                _best(p_value(pair.success_p), pair.success_p < SIGNIFICANT),
+                _verdict(pair, len(pairs)),
+            ]
+        )
+    columns = (
+        "a – b;#cells;#a better / equal / b better;#median difference (decades);#95 % interval;"
+        "#p, Holm;#effect size;#cells solved by a / b only;#p, Holm;verdict"
+    )
+    return table_of("Paired comparisons on the same cells", columns, rows)
+
+
+def _verdict(pair: Pair, pairs: int) -> str:
+    """Say what one of so many pairs shows of the errors, and of the solved cells if that is settled."""
+    found, success = pair.error, pair.success
+    interval = found.median_difference
+    if found.wins == found.losses == 0:
+        words = "the same"
+    elif max(abs(interval.low), abs(interval.high)) < ALIKE:
+        words = "errors alike"
+    elif pair.error_p < SIGNIFICANT:
+        words = f"{pair.a if found.effect_size < 0 else pair.b} has the smaller error"
+    elif (
+        found.smallest_p * pairs >= SIGNIFICANT
+    ):  # nothing could pass the first step of Holm's method
+        words = "too few cells to say"
+    else:
+        words = "not distinguished"
+    if pair.success_p < SIGNIFICANT:
+        more = pair.a if success.only_a > success.only_b else pair.b
+        same = words.startswith(f"{more} has")
+        words += " and solves more" if same else f"; {more} solves more"
+    return words
+
+
+def tuned_table(results: Results, board: Board) -> Table | None:
+    """Show what tuning brought on the reported cells, and what it cost; None if nothing was tuned."""
+    standings = {s.label: s for s in board.ranked}
+    energy = results.effort("torque_energy").loc[board.cells]
+    scores = {frozenset((p.a, p.b)): p for p in board.pairs}
+    rows = []
+    for label, item in results.tuned.items():
+        before, after = standings.get(str(item.get("label"))), standings.get(label)
+        if before is None or after is None or before is after:
+            continue
+        pair = scores.get(frozenset((label, before.label)))
+        wins = [] if pair is None else [pair.error.wins, pair.error.ties, pair.error.losses]
+        wins = wins[::-1] if pair is not None and pair.a != label else wins
+        both = energy[np.isfinite(energy[[label, before.label]]).all(axis=1)]
+        rows.append(
+            [
+                label_entry(before.label),
+                number(before.error.estimate),
+                number(after.error.estimate),
+                " / ".join(map(str, wins)) or UNDEFINED,
+                f"{before.solved} → {after.solved} of {after.cells}",
+                f"{before.ended} → {after.ended} of {after.asked}",
+                number(float((both[label] / both[before.label]).median()), 2),
+            ]
+        )
+    columns = (
+        "controller;#steady |e^e|, gains as given (m);#tuned (m);#tuned better / equal / worse;"
+        "#cells solved;#runs that ended early;#integral of |v|², times"
+    )
+    return table_of("Gains as given and tuned, on the same cells", columns, rows) if rows else None
+
+
+def prices_table(prices: Mapping[str, Sequence[Price]]) -> Table:
+    """Show precision against effort."""
+    rows = []
+    for own in zip(*prices.values(), strict=True):
+        row = [label_entry(own[0].label), Entry(number(own[0].error.estimate))]
+        for price in own:
+            row.append(_best(number(price.effort.estimate), price.front))
+            row.append(Entry(interval_range(price.effort, 3)))
+        rows.append(row)
+    heads = [Entry(name) for metric in prices for name in (EFFORTS[metric], "95 % interval")]
+    caption = "Precision and effort; bold: on the front"
+    return table_of(caption, "controller;#steady |e^e| (m)", rows, *heads)
+
+
+# Results -------------------------------------------------------------------------------------------
+
+
+def summary_table(results: Results, group: str) -> Table:
+    """Show controllers and scenarios of a group: the largest steady error, the worst of the seeds.
 
     Scenarios are in columns, or in rows where there are many.
     """
-    cells = group.cells
-    best = {cell.cell: _best_of_summary(cell) for cell in cells}
-    entries = {
-        (cell.cell, label): _summary_entry(cell.of(label), cell.failures_of(label), best[cell.cell])
-        for cell in cells
-        for label in group.labels
-    }
-    score = {label: successes(cells, label) for label in group.labels}
-    totals = [
-        Entry(f"{won} of {asked}", "" if won == asked else "bad") for won, asked in score.values()
-    ]
+    cells = results.cells[results.cells.group == group]
+    runs = results.runs[results.runs.cell.isin(cells.index)]
+    labels = [label for label in results.labels if (runs.label == label).any()]
+    members = dict(list(runs.groupby(["cell", "label"], sort=False)))
+    entries: dict[tuple[int, str], Entry] = {}
+    for cell in cells.index:
+        own = {label: members[cell, label] for label in labels if (cell, label) in members}
+        errors = [found.error.max() for found in own.values() if (found.state == DONE).all()]
+        best = number(min(errors, default=math.nan))
+        for label in labels:
+            entries[cell, label] = _outcome(own.get(label), best)
+    tried = runs[runs.state != NOT_RUN].groupby("label").succeeded.agg(["sum", "size"])
+    totals = []
+    for won, n in (tuple(tried.reindex(labels, fill_value=0).loc[label]) for label in labels):
+        totals.append(Entry(f"{won} of {n}", "" if won == n else "bad"))
     caption = "Largest |e^e| in the steady part (m)"
+    rows: list[list[Entry]]
     if len(cells) <= _MOST_COLUMNS:
-        columns = [text("controller"), *(Entry(cell.variant) for cell in cells), Entry("succeeded")]
         rows = [
-            Row(text(label, label=label), [*(entries[cell.cell, label] for cell in cells), total])
-            for label, total in zip(group.labels, totals, strict=True)
+            [label_entry(label), *(entries[cell, label] for cell in cells.index), total]
+            for label, total in zip(labels, totals, strict=True)
         ]
-        return Table(caption, columns, rows)
-    columns = [text("scenario"), *(Entry(label, label=label) for label in group.labels)]
+        heads = [*map(Entry, cells.variant), Entry("succeeded")]
+        return table_of(caption, "controller", rows, *heads)
     rows = [
-        Row(text(cell.variant), [entries[cell.cell, label] for label in group.labels])
-        for cell in cells
+        [Entry(cell.variant), *(entries[cell.Index, label] for label in labels)]
+        for cell in cells.itertuples()
     ]
-    return Table(caption, columns, [*rows, Row(text("succeeded"), totals)])
+    rows.append([Entry("succeeded"), *totals])
+    return table_of(caption, "scenario", rows, *map(label_entry, labels))
 
 
-def successes(cells: Sequence[CellRuns], label: str) -> tuple[int, int]:
-    """How many runs of a label succeeded, and how many were tried."""
-    runs = [run for cell in cells for run in cell.of(label)]
-    lost = sum(not lost.pending for cell in cells for lost in cell.failures_of(label))
-    return sum(run.succeeded for run in runs), len(runs) + lost
-
-
-def metrics_table(cell: CellRuns) -> Table:
-    """Every metric of every run of a cell; failures have a column too."""
-    seeds = {run.seed for run in cell.runs} | {lost.seed for lost in cell.failures}
-    several = len(seeds) > 1
-    columns = [text("metric"), text("unit")]
-    outcomes = []
-    for run in cell.runs:
-        columns.append(Entry(_with_seed(run.label, run.seed, several), label=run.label))
-        outcomes.append(Entry(ending(run), "" if run.ok else "bad", run.message))
-    for lost in cell.failures:
-        columns.append(Entry(_with_seed(lost.label, lost.seed, several), label=lost.label))
-        outcomes.append(_lost(lost))
-    rows = [Row(text("outcome"), [text(""), *outcomes])]
-    section = ""
-    for metric in _known(cell.runs):
-        own = metric.section
-        if own != section:
-            section = own
-            rows.append(heading(_SECTIONS.get(own, "Other")))
-        rows.append(_metric_row(metric, cell, ranked=own != _NOT_RANKED))
-    links = [Entry("h5", link=run.file) for run in cell.runs]
-    links += [Entry(UNDEFINED, "faint") for _ in cell.failures]
-    rows += [heading("Data"), Row(text("record"), [text(""), *links])]
-    if any(run.replay for run in cell.runs):
-        replays = [
-            Entry("replay", link=run.replay) if run.replay else Entry(UNDEFINED, "faint")
-            for run in cell.runs
-        ]
-        replays += [Entry(UNDEFINED, "faint") for _ in cell.failures]
-        rows.append(Row(text("page"), [text(""), *replays]))
-    return Table(f"{cell.name}: every metric", columns, rows)
-
-
-def endings_table(groups: Sequence[Group]) -> Table:
-    """Every run that did not go to its end, with when and why."""
-    columns = ["robot", "task", "scenario", "controller", "seed", "outcome", "at", "reason"]
-    rows = []
-    for cell in (cell for group in groups for cell in group.cells):
-        for run in cell.runs:
-            if run.ok:
-                continue
-            reason = cut(run.message or "no reason given", _LONGEST)
-            if run.saturation is not None:
-                reason += f"; torques were cut from {instant(run.saturation)} on"
-            entries = [
-                *_place(cell, run.label, run.seed),
-                text(run.status, "bad"),
-                Entry(instant(run.end)),
-                text(reason, link=run.file),
-            ]
-            rows.append(Row(text(cell.robot), entries))
-    numbers = ("seed", "at")
-    heads = [Entry(name, number=name in numbers) for name in columns]
-    return Table("When and why each of them ended", heads, rows)
-
-
-def losses_table(groups: Sequence[Group]) -> Table:
-    """Every run without a result, and why."""
-    rows = []
-    for cell in (cell for group in groups for cell in group.cells):
-        for failure in cell.failures:
-            state = _lost(failure)
-            reason = cut(failure.reason or "no reason given", _LONGEST)
-            entries = [
-                *_place(cell, failure.label, failure.seed),
-                text(state.text, state.mark),
-                text(reason),
-            ]
-            rows.append(Row(text(cell.robot), entries))
-    names = ["robot", "task", "scenario", "controller", "seed", "outcome", "reason"]
-    heads = [Entry(name, number=name == "seed") for name in names]
-    return Table("Why each of them has no result", heads, rows)
-
-
-def saturation_table(groups: Sequence[Group]) -> Table | None:
-    """Where limits of the motors cut torques: scenarios by controllers; None where they never did."""
-    rows: dict[str, list[CellRuns]] = {}
-    for cell in (cell for group in groups for cell in group.cells):
-        if any(run.saturation is not None for run in cell.runs):
-            rows.setdefault(cell.variant, []).append(cell)
-    if not rows:
-        return None
-    labels = unique([label for group in groups for label in group.labels])
-    content = [
-        Row(text(name), [_saturation(cells, label) for label in labels])
-        for name, cells in rows.items()
-    ]
-    columns = [text("scenario"), *(Entry(label, label=label) for label in labels)]
-    caption = (
-        "Share of the ticks at which a limit cut a torque, median over runs; in how many at all"
-    )
-    return Table(caption, columns, content)
-
-
-def _saturation(cells: Sequence[CellRuns], label: str) -> Entry:
-    runs = [run for cell in cells for run in cell.of(label)]
-    shares = [run.metric("saturation_share") for run in runs]
-    shares = [share for share in shares if math.isfinite(share)]
-    if not shares:
-        return Entry(UNDEFINED, "faint")
-    starts = [run.saturation for run in runs if run.saturation is not None]
-    if not starts:
-        return Entry("0 %", "faint")
-    share = 100.0 * float(np.median(shares))
-    detail = f"at most {number(100.0 * max(shares), 2)} %"
-    where = f"{len(starts)} of {len(runs)} runs, from {instant(min(starts))}"
-    return Entry(f"{number(share, 2)} %", "", detail, unit=where)
-
-
-def unused_table(files: Sequence[UnusedFile]) -> Table:
-    """Files among the records that could not be used."""
-    rows = [Row(text(item.file), [text(cut(item.reason, _LONGEST))]) for item in files]
-    return Table("What is wrong with each of them", [text("file"), text("reason")], rows)
-
-
-def endings_by_reason(groups: Sequence[Group]) -> Table:
-    """How many runs of each controller ended how; for where single ones are too many."""
-    counts: dict[tuple[str, str], list[int]] = {}
-    labels = unique([label for group in groups for label in group.labels])
-    for group in groups:
-        for cell in group.cells:
-            for label in cell.labels:
-                for run in cell.of(label):
-                    if not run.ok:
-                        counts.setdefault((label, run.status), [0])[0] += 1
-                lost = cell.failures_of(label)
-                for pending in (False, True):
-                    n = sum(item.pending == pending for item in lost)
-                    if n:
-                        kind = "not run" if pending else "failed"
-                        counts.setdefault((label, kind), [0])[0] += n
-    kinds = unique([kind for _, kind in counts])
-    rows = [
-        Row(
-            text(label, label=label),
-            [Entry(str(counts.get((label, kind), [0])[0])) for kind in kinds],
-        )
-        for label in labels
-        if any(other == label for other, _ in counts)
-    ]
-    return Table("How many ended how", [text("controller"), *map(Entry, kinds)], rows)
-
-
-def replays_table(groups: Sequence[Group], most: int) -> Table:
-    """How to look at each run: the command, and the page where there is one.
-
-    Where there are more than so many runs: those that ended early, and those with a page.
-    """
-    cells = [cell for group in groups for cell in group.cells]
-    runs = [(cell, run) for cell in cells for run in cell.runs if run.command]
-    if len(runs) > most:
-        runs = [(cell, run) for cell, run in runs if run.replay or not run.ok][:most]
-    paged = any(run.replay for _, run in runs)
-    columns = ["robot", "task", "scenario", "controller", "seed", "outcome", "command"]
-    rows = []
-    for cell, run in runs:
-        entries = [
-            *_place(cell, run.label, run.seed),
-            text(ending(run), "" if run.ok else "bad"),
-            text(run.command),
-        ]
-        if paged:
-            entries.append(text("replay" if run.replay else UNDEFINED, link=run.replay))
-        rows.append(Row(text(cell.robot), entries))
-    heads = [Entry(name, number=name == "seed") for name in columns]
-    heads += [text("page")] if paged else []
-    return Table("How to look at each run", heads, rows)
-
-
-def timing_table(groups: Sequence[Group]) -> Table:
-    """What a control step costs: controller x robot, over all scenarios and seeds."""
-    robots = unique([group.robot for group in groups])
-    labels = unique([label for group in groups for label in group.labels])
-    columns = [text("controller")]
-    for robot in robots:
-        columns += [Entry(f"{robot}: median"), Entry("99th percentile")]
-    rows = []
-    for label in labels:
-        entries = []
-        for robot in robots:
-            runs = [
-                run
-                for group in groups
-                if group.robot == robot
-                for cell in group.cells
-                for run in cell.of(label)
-                if run.ok  # a few ticks before a divergence say nothing
-            ]
-            for name in ("compute_time_median", "compute_time_p99"):
-                times = [run.metrics.get(name, math.nan) for run in runs]
-                times = [time for time in times if math.isfinite(time)]
-                value = float(np.median(times)) if times else math.nan
-                entries.append(Entry(metric_value(name, value)))
-        rows.append(Row(text(label, label=label), entries))
-    return Table(
-        "Time that the controller took for a tick (µs); median over the completed runs",
-        columns,
-        rows,
-    )
-
-
-def definitions_table() -> Table:
-    """What the metrics are."""
-    rows = [
-        Row(
-            text(metric.name),
-            [text(metric.unit), text(metric.description), text(metric.better or UNDEFINED)],
-        )
-        for metric in _in_sections(list_metrics())
-    ]
-    columns = [text(name) for name in ("metric", "unit", "definition", "better")]
-    return Table("Definitions of the metrics", columns, rows)
-
-
-def _summary_entry(runs: Sequence[ReportedRun], failures: Sequence[FailedRun], best: str) -> Entry:
-    if not runs and not failures:
-        return Entry("not asked", "faint")
-    failed = [failure for failure in failures if not failure.pending]
-    ended = [run for run in runs if not run.ok]
-    if failed or (failures and not ended):
-        return _lost((failed or failures)[0])
-    if ended:
-        some = f" ({len(ended)} of {len(runs)} seeds)" if len(runs) > 1 else ""
-        return Entry(f"{ending(ended[0])}{some}", "bad", ended[0].message)
-    error = number(worst_error(runs))
-    if all(run.succeeded for run in runs):
-        return Entry(error, "best" if error == best else "")
+def _outcome(runs: pd.DataFrame | None, best: str) -> Entry:
+    """Say how a controller did in a cell."""
+    if runs is None:
+        return Entry("not requested", "faint")
+    lost, failed = runs[runs.state != DONE], runs[runs.state == "failed"]
+    early = runs[(runs.state == DONE) & ~runs.ok]
+    if len(failed) or (len(lost) and not len(early)):
+        return lost_entry((failed if len(failed) else lost).iloc[0])
+    if len(early):
+        some = f" ({len(early)} of {len(runs)} seeds)" if len(runs) > 1 else ""
+        return Entry(f"{ending(early.iloc[0])}{some}", "bad", early.iloc[0].message)
+    error = number(runs.error.max())
+    if runs.succeeded.all():
+        return _best(error, error == best)
     return Entry(error, "bad", "|e^e| did not settle below 1e-4 m")
 
 
-def _lost(failure: FailedRun) -> Entry:
-    """What stands where a run has no result: not being done yet is no fault."""
-    reason = cut(failure.reason, _LONGEST)
-    return Entry("not run", "faint", reason) if failure.pending else Entry("failed", "bad", reason)
+def ending(run: Any) -> str:
+    """Say how a run with a result ended, in a few words."""
+    return "completed" if run.ok else ended(run.status, run.end)
 
 
-def _best_of_summary(cell: CellRuns) -> str:
-    errors = [
-        worst_error(cell.of(label))
-        for label in cell.labels
-        if cell.of(label) and not cell.failures_of(label)
+def lost_entry(run: Any) -> Entry:
+    """Say why a run has no result: one that was not run yet is no failure."""
+    pending = run.state == NOT_RUN
+    return Entry(run.state, "faint" if pending else "bad", cut(run.message))
+
+
+def metrics_table(results: Results, cell: int) -> Table:
+    """Show every metric of every run of a cell; runs without a result have a column too."""
+    runs = results.runs[results.runs.cell == cell].sort_values("state", kind="stable")
+    runs = runs.sort_values("state", key=lambda state: state != DONE, kind="stable")
+    values = results.metrics.loc[runs.index]
+    several = runs.seed.nunique() > 1
+    heads = [
+        Entry(f"{run.label}, seed {run.seed}" if several else run.label, label=run.label)
+        for run in runs.itertuples()
     ]
-    return number(min(errors, default=math.nan))
-
-
-def _metric_row(metric: Metric, cell: CellRuns, *, ranked: bool) -> Row:
-    values = [run.metrics.get(metric.name, math.nan) for run in cell.runs]
-    # cheap motion is no merit of a run that misses its task
-    rivals = [
-        value
-        for run, value in zip(cell.runs, values, strict=True)
-        if run.succeeded and math.isfinite(value)
+    outcomes = [
+        Entry(ending(run), "" if run.ok else "bad", run.message)
+        if run.state == DONE
+        else lost_entry(run)
+        for run in runs.itertuples()
     ]
-    best = ""
-    if ranked and metric.better and metric.name != "success" and len(rivals) > 1:
-        best = metric_value(metric.name, (max if metric.better == "higher" else min)(rivals))
-    entries = []
-    for run, value in zip(cell.runs, values, strict=True):
-        shown = metric_value(metric.name, value)
-        if math.isnan(value):
-            entries.append(Entry(shown, "faint"))
-        elif value == math.inf or metric.name == "success":
-            entries.append(Entry(shown, "" if run.succeeded else "bad"))
-        else:
-            entries.append(Entry(shown, "best" if run.succeeded and shown == best else ""))
-    entries += [Entry(UNDEFINED, "faint") for _ in cell.failures]
-    unit = text(metric_unit(metric.name, metric.unit), "faint")
-    return Row(text(metric.name, detail=metric.description), [unit, *entries])
+    rows: list[list[Entry]] = [[Entry("outcome"), Entry(""), *outcomes]]
+    known = {metric.name: metric for metric in sorted(list_metrics(), key=_section)}
+    other = [name for name in values if name not in known and values[name].notna().any()]
+    section = ""
+    for name in [*known, *other]:
+        metric = known.get(name)
+        title = _SECTIONS.get(metric.section, "Other") if metric else "Other"
+        if title != section:
+            section = title
+            rows.append([Entry(title)])
+        own = values[name] if name in values else pd.Series(math.nan, runs.index)
+        better = metric.better if metric and metric.section != _NOT_RANKED else ""
+        unit, about = (metric.unit, metric.description) if metric else ("", "not known here")
+        faint = Entry(metric_unit(name, unit), "faint")
+        rows.append([Entry(name, detail=about), faint, *_values(name, own, runs, better)])
+    done = runs.state == DONE
+    nothing = Entry(UNDEFINED, "faint")
+    links = {"record": ("h5", runs.file.where(done, "")), "page": ("replay", runs.replay)}
+    rows.append([Entry("Data")])
+    for title, (words, files) in links.items():
+        if title == "record" or files.any():
+            own_links = (Entry(words, link=file) if file else nothing for file in files)
+            rows.append([Entry(title), Entry(""), *own_links])
+    caption = f"{results.cells.name[cell]}: every metric"
+    return table_of(caption, "metric;unit", rows, *heads)
 
 
-def _known(runs: Sequence[ReportedRun]) -> list[Metric]:
-    """The registered metrics, and what records hold beside them, of another version perhaps."""
-    known = _in_sections(list_metrics())
-    names = {metric.name for metric in known}
-    others = unique([name for run in runs for name in run.metrics if name not in names])
-    return known + [Metric(name, "", "not known to this version", "", _unknown) for name in others]
-
-
-def _unknown(run: object) -> float:
-    return math.nan
-
-
-def _in_sections(metrics: Sequence[Metric]) -> list[Metric]:
+def _section(metric: Any) -> int:
     order = list(_SECTIONS)
-
-    def place(metric: Metric) -> int:
-        return order.index(metric.section) if metric.section in order else len(order)
-
-    return sorted(metrics, key=place)  # stable: by name within a section
+    return order.index(metric.section) if metric.section in order else len(order)
 
 
-def _place(cell: CellRuns, label: str, seed: int) -> list[Entry]:
-    return [text(cell.task), text(cell.variant), text(label, label=label), Entry(str(seed))]
+def _values(name: str, values: pd.Series, runs: pd.DataFrame, better: str) -> list[Entry]:
+    """Show a metric of runs; the best of those that succeeded: cheap misses have no merit."""
+    rivals = values[runs.succeeded & np.isfinite(values)]
+    best = ""
+    if better and name != "success" and len(rivals) > 1:
+        best = metric_value(name, rivals.max() if better == "higher" else rivals.min())
+    found = []
+    for value, won in zip(values, runs.succeeded, strict=True):
+        shown = metric_value(name, value)
+        if math.isnan(value):
+            found.append(Entry(shown, "faint"))
+        elif value == math.inf or name == "success":
+            found.append(Entry(shown, "" if won else "bad"))
+        else:
+            found.append(_best(shown, won and shown == best))
+    return found
 
 
-def _with_seed(label: str, seed: int, several: bool) -> str:
-    return f"{label}, seed {seed}" if several else label
+def endings_table(results: Results) -> Table:
+    """Show every run that did not go to its end, with when and why."""
+    rows = []
+    for run in results.runs[(results.runs.state == DONE) & ~results.runs.ok].itertuples():
+        reason = cut(run.message or "no reason given")
+        if math.isfinite(run.saturation):
+            reason += f"; torques were cut from {instant(run.saturation)} on"
+        status, at = Entry(run.status, "bad"), Entry(instant(run.end))
+        rows.append([*_place(results, run), status, at, Entry(reason, link=run.file)])
+    columns = "robot;task;scenario;controller;#seed;outcome;#at;reason"
+    return table_of("When and why each of them ended", columns, rows)
+
+
+def losses_table(results: Results) -> Table:
+    """Show every run without a result, and why."""
+    rows = [
+        [
+            *_place(results, run),
+            lost_entry(run)._replace(detail=""),
+            cut(run.message or "no reason"),
+        ]
+        for run in results.lost.itertuples()
+    ]
+    columns = "robot;task;scenario;controller;#seed;outcome;reason"
+    return table_of("Why each of them has no result", columns, rows)
+
+
+def _place(results: Results, run: Any) -> list[Entry]:
+    variant = results.cells.variant[run.cell]
+    return [
+        Entry(run.robot),
+        Entry(run.task),
+        Entry(variant),
+        label_entry(run.label),
+        Entry(str(run.seed)),
+    ]
+
+
+def endings_by_reason(results: Results) -> Table:
+    """Count how the runs of each controller ended; for where single ones are too many."""
+    runs = results.runs[~results.runs.ok]
+    kinds = runs.status.where(runs.state == DONE, runs.state)
+    counts = pd.crosstab(runs.label, kinds).reindex(columns=kinds.unique())
+    rows = [
+        [label_entry(label), *map(str, counts.loc[label])]
+        for label in results.labels
+        if label in counts.index
+    ]
+    return table_of("How many ended how", "controller", rows, *map(Entry, counts.columns))
+
+
+def saturation_table(results: Results) -> Table | None:
+    """Show where limits of the motors cut torques: scenarios by controllers; None if nowhere."""
+    variants = results.runs.cell.map(results.cells.variant)
+    share = results.metrics.get("saturation_share")
+    rows: list[list[Entry]] = []
+    for name in variants[results.runs.saturation.notna()].unique():
+        row = [Entry(name)]
+        for label in results.labels:
+            own = results.runs[(variants == name) & (results.runs.label == label)]
+            assert share is not None
+            found = share.loc[own.index].dropna()
+            starts = own.saturation.dropna()
+            if not len(found):
+                row.append(Entry(UNDEFINED, "faint"))
+            elif not len(starts):
+                row.append(Entry("0 %", "faint"))
+            else:
+                where = f"{len(starts)} of {len(own)} runs, from {instant(starts.min())}"
+                most = f"at most {number(100.0 * found.max(), 2)} %"
+                row.append(Entry(f"{number(100.0 * found.median(), 2)} %", "", most, unit=where))
+        rows.append(row)
+    caption = (
+        "Share of the ticks at which a limit cut a torque, median over runs; in how many at all"
+    )
+    return table_of(caption, "scenario", rows, *map(label_entry, results.labels)) if rows else None
+
+
+def unused_table(results: Results) -> Table:
+    """Show files among the records that could not be used."""
+    rows = [[file, cut(reason)] for file, reason in results.unused.items()]
+    return table_of("What is wrong with each of them", "file;reason", rows)
+
+
+def replays_table(results: Results, most: int) -> Table:
+    """Show how to look at each run: the command, and the page where there is one.
+
+    Where there are more than so many runs: those that ended early, and those with a page.
+    """
+    runs = results.runs[results.runs.command != ""]
+    if len(runs) > most:
+        runs = runs[(runs.replay != "") | ~runs.ok][:most]
+    paged = runs.replay.any()
+    rows = []
+    for run in runs.itertuples():
+        row = [*_place(results, run), Entry(ending(run), "" if run.ok else "bad")]
+        row.append(Entry(run.command, command=True))
+        row += [Entry("replay" if run.replay else UNDEFINED, link=run.replay)] if paged else []
+        rows.append(row)
+    columns = "robot;task;scenario;controller;#seed;outcome;command" + (";page" if paged else "")
+    return table_of("How to look at each run", columns, rows)
+
+
+# Computing times, definitions, origin --------------------------------------------------------------
+
+
+def timing_table(results: Results) -> Table:
+    """Show what a control step costs: controller x robot, over all scenarios and seeds."""
+    names = ["compute_time_median", "compute_time_p99"]
+    times = results.metrics.reindex(columns=names).where(np.isfinite)
+    # a few ticks before a divergence say nothing
+    runs = results.runs[results.runs.ok]
+    medians = times.loc[runs.index].groupby([runs.label, runs.robot]).median()
+    robots = list(results.cells.robot.unique())
+    rows = []
+    for label in results.labels:
+        row = [label_entry(label)]
+        for robot in robots:
+            known = (label, robot) in medians.index
+            for name in names:
+                value = medians[name][label, robot] if known else math.nan
+                row.append(Entry(metric_value(name, value)))
+        rows.append(row)
+    heads = [Entry(name) for r in robots for name in (f"{r}: median", "99th percentile")]
+    caption = "Time that the controller took for a tick (µs); median over the completed runs"
+    return table_of(caption, "controller", rows, *heads)
+
+
+def definitions_table() -> Table:
+    """Show what the metrics are."""
+    rows = [
+        [metric.name, metric.unit, metric.description, metric.better or UNDEFINED]
+        for metric in sorted(list_metrics(), key=_section)
+    ]
+    return table_of("Definitions of the metrics", "metric;unit;definition;better", rows)
+
+
+def versions_table(results: Results) -> tuple[Table, str]:
+    """Show the versions in the runs' records; and a warning where some are mixed."""
+    done = results.runs[results.runs.state == DONE]
+    known = {name for versions in done.versions for name in versions}
+    rows, mixed = [], []
+    for name in sorted(known, key=lambda name: (name not in ("mobman", "python"), name)):
+        found = Counter(versions.get(name, "unknown") for versions in done.versions)
+        shown, several = next(iter(found)), len(found) > 1
+        if several:
+            mixed.append(name)
+            shown = ", ".join(f"{v} ({n} run{'s' * (n != 1)})" for v, n in found.items())
+        rows.append([name, Entry(shown, "bad" if several else "")])
+    warning = (
+        f"Runs of different versions are mixed ({', '.join(mixed)}): they are not strictly comparable. "
+        "Run the suite again to have one."
+        if mixed
+        else ""
+    )
+    return table_of("Versions", "of;version", rows), warning
+
+
+def machines_table(results: Results) -> Table:
+    """Show the machines that the runs were computed on, as their records say it."""
+    done = results.runs[results.runs.state == DONE]
+    counts = Counter(tuple(m.get(name) or "unknown" for name in _MACHINE) for m in done.machine)
+    rows = [[*facts, str(n)] for facts, n in counts.most_common()]
+    columns = "processor;architecture;system;#runs"
+    return table_of("Machines that the runs were computed on", columns, rows)
+
+
+def machine_table() -> Table:
+    """Show the machine that writes the report."""
+    facts = {
+        "processor": machine()["processor"],
+        "architecture": platform.machine(),
+        "logical cores": str(os.cpu_count() or ""),
+        "system": f"{platform.system()} {platform.release()}".strip(),
+    }
+    rows = [[name, value or UNDEFINED] for name, value in facts.items()]
+    return table_of("Machine that wrote this report", "of;value", rows)

@@ -1,0 +1,594 @@
+"""The figures of a report: over all cells, and of single cells against time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import altair as alt
+import numpy as np
+import pandas as pd
+
+from mobman.arrays import Array
+from mobman.benchmark.report.data import DONE, Results
+from mobman.benchmark.report.format import instant, interval_range, number
+from mobman.benchmark.report.standings import EFFORTS, Board, Price, strata, upper_median
+from mobman.benchmark.statistics import performance_profile, score_profile
+from mobman.figures.charts import (
+    FLOOR,
+    GREY,
+    Curve,
+    Spec,
+    decades,
+    figure,
+    inherited,
+    layered,
+    line_at,
+    log_axis,
+    looked,
+    own,
+    thin,
+    time_chart,
+    torque_charts,
+)
+from mobman.figures.looks import Look, looks_of
+from mobman.printable import printable
+from mobman.simulation.metrics import STEADY
+
+Looks = Mapping[str, Look]
+SUCCESS = 1e-4
+"""The accuracy (m) of the metric ``success``."""
+PAPERS_LAW, PAPERS_TASK = "tsm", "paper"
+_POINTS = 81  # of a profile
+_MOST_SCENARIOS = 80  # rows of a heat map
+_ERROR = "steady |eᵉ|  (m)"
+
+
+class Figure(NamedTuple):
+    """Charts that belong together, with a name for files and what stands beneath them."""
+
+    name: str
+    charts: list[Spec]
+    caption: str
+    across: bool = False
+    """True if they stand side by side where there is room."""
+
+
+def looks_for(results: Results) -> dict[str, Look]:
+    """Give every controller its look."""
+    runs = results.runs
+    done = runs[runs.state == DONE].drop_duplicates("label").set_index("label").law
+    laws = {label: done.get(label, label) for label in results.labels}
+    tuned = {label: str(item.get("label")) for label, item in results.tuned.items()}
+    return looks_of(laws, set(runs.label[runs.explicit]), tuned)
+
+
+# Kinds of charts over cells ------------------------------------------------------------------------
+
+
+def _error_limits(values: Sequence[float]) -> tuple[float, float, float]:
+    """Find the limits of an error axis, and where failures are drawn beyond them."""
+    low, high = decades([max(value, FLOOR) for value in values if math.isfinite(value)])
+    return low / 1.6, high, 10.0 * high
+
+
+def _strip(
+    rows: Sequence[dict[str, Any]], looks: Looks, names: Sequence[str], title: str, height: float
+) -> Spec:
+    """Draw errors on a log axis in rows of names, with intervals; failures beyond the axis.
+
+    Args:
+        rows: ``label``, ``name``, ``x``, ``from``, ``to`` and ``value``, in words.
+        looks: By label.
+        names: Of the rows, from above.
+        title: Of the figure.
+        height: Of the panel (px).
+    """
+    low, high, end = _error_limits([row[key] for row in rows for key in ("x", "from", "to")])
+    keys = ("x", "from", "to")
+    drawn = [
+        {
+            **row,
+            **{k: min(max(row[k], low), end) for k in keys},
+            "failed": float(row["x"] > high * 9),
+        }
+        for row in rows
+    ]
+    alone = all(row["label"] == row["name"] for row in rows)  # the names are their legend
+    look = looked(looks, marker=True, legend=not alone)
+    y: dict[str, Any] = {"y": alt.Y("name:N", sort=list(map(printable, names)), title=None)}
+    y |= {} if alone else {"yOffset": alt.YOffset("label:N", sort=list(map(printable, looks)))}
+    colours = {key: look[key] for key in look if key != "shape"}
+    tips = [
+        alt.Tooltip("label:N", title="controller"),
+        alt.Tooltip("name:N"),
+        alt.Tooltip("value:N"),
+    ]
+    beyond = own("beyond").mark_rect(color=GREY, opacity=0.12).encode(x="from:Q", x2="to:Q")
+    x = alt.X("from:Q", **log_axis(low, high, f"{_ERROR}", end))
+    bars = inherited().mark_rule(strokeWidth=3).encode(x=x, x2="to:Q", **y, **colours)
+    points = inherited().mark_point(filled=True, size=80).transform_filter("!datum.failed")
+    crosses = inherited().transform_filter("datum.failed").mark_point(**_CROSS)
+    chart = layered(
+        *(beyond, line_at("marks", "x"), bars),
+        points.encode(x="x:Q", **y, **look, tooltip=tips),
+        crosses.encode(x="x:Q", **y, **colours, tooltip=tips),
+        data="rows",
+        height=height,
+        legend=not alone,
+    )
+    zone = [{"from": 10**0.5 * high, "to": 2.5 * end}]
+    return figure(chart, title, rows=drawn, beyond=zone, marks=_success(low, high))
+
+
+_CROSS: dict[str, Any] = {"shape": "cross", "angle": 45, "filled": True, "size": 80}
+
+
+def _success(low: float, high: float) -> list[dict[str, float]]:
+    return [{"at": SUCCESS}] if low < SUCCESS < high else []
+
+
+def _error_against(
+    rows: Sequence[dict[str, Any]],
+    looks: Looks,
+    title: str,
+    axis: Mapping[str, Any],
+    *,
+    joined: bool,
+    front: Sequence[tuple[float, float]] = (),
+    heading: str = "",
+) -> Spec:
+    """Draw errors on a log axis against something else; failures above the axis.
+
+    Args:
+        rows: ``label``, ``x``, ``y``, ``value`` in words; for intervals ``x0``, ``x1``, ``y0``, ``y1``.
+        looks: By label.
+        title: Of the figure.
+        axis: Of what the errors are against.
+        joined: True to join the points of a label.
+        front: Corners of a staircase.
+        heading: Words above the panel.
+    """
+    low, high, end = _error_limits([row["y"] for row in rows])
+    drawn = []
+    for row in sorted(rows, key=lambda row: looks[row["label"]].depth):
+        ends = {k: min(max(row.get(k, row["y"]), low), end) for k in ("y", "y0", "y1")}
+        xs = {k: row.get(k, row["x"]) for k in ("x", "x0", "x1")}
+        drawn.append({**row, **xs, **ends, "failed": float(not math.isfinite(row["y"]))})
+    look = looked(looks, line=True, marker=True)
+    colours = {key: look[key] for key in ("color", "opacity")}
+    x = alt.X("x:Q", **axis)
+    y = alt.Y("y:Q", **log_axis(low, high, _ERROR, end))
+    tips = [alt.Tooltip("label:N", title="controller"), alt.Tooltip("value:N")]
+    stairs = own("front").mark_line(interpolate="step-after", color=GREY, strokeWidth=1)
+    layers = [stairs.encode(x="x:Q", y="y:Q", order="x:Q")]
+    if joined:
+        # a failure is not joined: it is at no height
+        line = inherited().transform_filter("!datum.failed").mark_line()
+        lines = {k: v for k, v in look.items() if k != "shape"}
+        layers.append(line.encode(x=x, y=y, **lines))
+    else:
+        layers.append(inherited().mark_rule().encode(x=alt.X("x0:Q"), x2="x1:Q", y=y, **colours))
+        layers.append(inherited().mark_rule().encode(x=x, y="y0:Q", y2="y1:Q", **colours))
+    spots = {**colours, "shape": look["shape"]}
+    points = inherited().mark_point(filled=True, size=80).transform_filter("!datum.failed")
+    crosses = inherited().transform_filter("datum.failed").mark_point(**_CROSS)
+    layers.append(line_at("marks", "y"))
+    layers.append(points.encode(x=x, y=y, **spots, tooltip=tips))
+    layers.append(crosses.encode(x=x, y=y, **colours, tooltip=tips))
+    chart = layered(*layers, data="rows", height=260.0, zoom="x")
+    corners = [{"x": a, "y": b} for a, b in front]
+    spec = figure(chart, title, rows=drawn, front=corners, marks=_success(low, high))
+    return {**spec, "title": printable(heading)} if heading else spec
+
+
+# Figures over all cells ----------------------------------------------------------------------------
+
+
+def leaderboard_figure(board: Board, looks: Looks) -> Figure:
+    """Draw the geometric interquartile mean of each controller, with its interval."""
+    names = [s.label for s in board.ranked]
+    rows = [
+        {
+            "label": s.label,
+            "name": s.label,
+            "x": s.error.estimate,
+            "from": s.error.low,
+            "to": s.error.high,
+            "value": f"{number(s.error.estimate)} m ({interval_range(s.error)})",
+        }
+        for s in board.ranked
+    ]
+    title = (
+        "Geometric interquartile mean of the steady task error of each controller, with intervals"
+    )
+    spec = _strip(rows, {n: looks[n] for n in names}, names, title, 27.0 * len(rows) + 8.0)
+    return Figure(
+        "leaderboard",
+        [spec],
+        "Geometric interquartile mean over cells with 95 % intervals; dotted: 1e-4 m, below which a run "
+        "can succeed; ×: failures are in the middle half.",
+    )
+
+
+def overview_figure(results: Results, group: str, looks: Looks) -> Figure:
+    """Draw the largest steady error of each controller in each scenario of a group."""
+    cells = results.cells[results.cells.group == group]
+    errors = results.errors.mask(results.pending).loc[cells.index]
+    rows = [
+        {
+            "label": label,
+            "name": cells.variant[cell],
+            "value": f"{number(error)} m",
+            **dict.fromkeys(("x", "from", "to"), error),
+        }
+        for cell, found in errors.iterrows()
+        for label, error in found.dropna().items()
+    ]
+    shown = {label: looks[label] for label in results.labels if errors[label].notna().any()}
+    height = len(cells) * (12.0 + 9.0 * len(shown))
+    title = f"Largest steady task error of each controller: {group}"
+    spec = _strip(rows, shown, list(cells.variant), title, height)
+    return Figure(
+        f"{group} overview",
+        [spec],
+        "The same, on a log axis; dotted: 1e-4 m, below which a run can succeed; ×: ended early.",
+    )
+
+
+def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Figure, int]:
+    """Draw the median error of each controller by scenario, or by robot and task.
+
+    Args:
+        results: The runs.
+        board: The standings.
+        column: Of the cells: what the rows are.
+        name: Of the figure.
+
+    Returns:
+        The figure, and how many rows it has no room for.
+    """
+    cells = results.cells.loc[board.cells]
+    errors = results.errors.loc[board.cells, board.labels]
+    table = errors.groupby(cells[column], sort=False).agg(upper_median)
+    family = cells.drop_duplicates(column).set_index(column).family
+    order = {f: i for i, f in enumerate(cells.family.unique())}
+    if column == "variant":
+        table = table.sort_index(key=lambda names: family[names].map(order), kind="stable")
+    shown = table[:_MOST_SCENARIOS]
+    low, high = decades(np.maximum(shown.to_numpy().ravel(), FLOOR))
+    rows = [
+        {
+            "row": row,
+            "label": label,
+            "text": number(error, 1) if error < math.inf else "×",
+            "shade": math.log10(min(max(error, low), high)) if error < math.inf else math.nan,
+        }
+        for row, found in shown.iterrows()
+        for label, error in found.items()
+    ]
+    x = alt.X("label:N", sort=list(map(printable, shown.columns)), title=None)
+    x = x.axis(orient="top", labelAngle=-30)
+    y = alt.Y("row:N", sort=list(map(printable, shown.index)), title=None)
+    scale = alt.Scale(scheme="blues", domain=[math.log10(low), math.log10(high)])
+    shade: Any = alt.Color("shade:Q", scale=scale, legend=None)
+    base = inherited().encode(x=x, y=y, tooltip=["row:N", "label:N", "text:N"])
+    tiles = base.mark_rect(stroke="white", strokeWidth=1, invalid=None).encode(color=shade)
+    middle = 0.5 * math.log10(low * high)
+    ink: Any = alt.condition(
+        f"datum.shade > {middle:.6g}", alt.value("white"), alt.value("#16202c")
+    )
+    crossed: Any = alt.condition("isValid(datum.shade)", shade, alt.value("#c9ccd1"))
+    words = base.mark_text(fontSize=11).encode(text="text:N", color=ink)
+    chart = layered(
+        tiles.encode(color=crossed), words, data="rows", height=22.0 * len(shown), legend=False
+    )
+    kind = "scenarios" if column == "variant" else "robots and tasks"
+    spec = figure(chart, f"Heat map of the steady task error: {kind} by controllers", rows=rows)
+    over = "robots and tasks" if column == "variant" else "scenarios"
+    caption = (
+        f"Steady |e^e| (m), the median over {over}, of an even number the worse of the two in the "
+        "middle; darker is worse; ×: half of them or more fail."
+    )
+    return Figure(name, [spec], caption), len(table) - len(shown)
+
+
+def periods_figure(results: Results, looks: Looks) -> Figure | None:
+    """Draw error against the sampling period, where a suite varies it; None where it does not.
+
+    A chart for each robot and task: the median over scenarios of the worst of the seeds. The scenarios
+    are those that have every period, so that points differ by the period alone.
+    """
+    charts = []
+    for group, cells in results.cells.groupby("group", sort=False):
+        periods = cells.groupby("scenario", sort=False).dt.agg(frozenset)
+        most = max(periods, key=len)  # of equal ones, the first scenario's
+        if len(most) > 1:
+            swept = cells[cells.scenario.map(periods) == most]
+            spec = _sweep(results, looks, swept, 1e3 * swept.dt, str(group), "dt  (ms)")
+            charts += [spec] if spec else []
+    caption = (
+        "Steady |e^e| against the sampling period, the median over the scenarios that have every one of "
+        "these periods, of an even number the worse of the two in the middle; ×: half of them or more "
+        "fail."
+    )
+    return Figure("sampling periods", charts, caption, across=True) if charts else None
+
+
+def sensitivity_figure(results: Results, looks: Looks) -> Figure | None:
+    """Draw error against the number that a grid of scenarios sweeps, a chart a family."""
+    charts = []
+    for family, cells in results.cells.groupby("family", sort=False):
+        start = f"{family}-"
+        numbers = [
+            _number(s[len(start) :]) if s.startswith(start) else None for s in cells.scenario
+        ]
+        swept = pd.Series(numbers, cells.index, dtype=float)
+        if swept.notna().all() and swept.nunique() > 2:
+            spec = _sweep(results, looks, cells, swept, str(family), f"value of {family}")
+            charts += [spec] if spec else []
+    caption = (
+        "Steady |e^e| against the number that the scenarios of a family vary, the median over robots, "
+        "tasks and periods, of an even number the worse of the two in the middle; ×: half of them or "
+        "more fail."
+    )
+    return Figure("sensitivity", charts, caption, across=True) if charts else None
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _sweep(
+    results: Results, looks: Looks, cells: pd.DataFrame, values: pd.Series, name: str, axis: str
+) -> Spec | None:
+    """Draw the median error of the cells that have each value."""
+    errors, pending = (x.loc[cells.index] for x in (results.errors, results.pending))
+    rows = []
+    for label in results.labels:
+        for value, own_cells in sorted(cells.groupby(values).groups.items()):
+            found = errors[label].loc[own_cells]
+            if found.notna().all() and not pending[label].loc[own_cells].any():
+                y = upper_median(found)
+                rows.append(
+                    {"label": label, "x": value, "y": y, "value": f"{value:g}: {number(y)} m"}
+                )
+    if not rows:  # nothing of it is done yet
+        return None
+    known = {row["label"] for row in rows}
+    low, high = values.min(), values.max()
+    log = low > 0.0 and high > 2.0 * low
+    margin = 1.15 if log else 0.05 * (high - low)
+    limits = [low / margin, high * margin] if log else [low - margin, high + margin]
+    scale = alt.Scale(type="log" if log else "linear", domain=limits, nice=False)
+    ticks = sorted(set(values)) if values.nunique() <= 8 else alt.Undefined
+    how = {"title": printable(axis), "scale": scale, "axis": alt.Axis(values=ticks, format="~g")}
+    shown = {label: look for label, look in looks.items() if label in known}
+    title = f"Steady task error against {axis}: {name}"
+    return _error_against(rows, shown, title, how, joined=True, heading=name)
+
+
+def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
+    """Draw performance profile and score profile."""
+    errors = results.errors.loc[board.cells, board.labels].to_numpy().T
+    low, high = decades(np.maximum(errors[np.isfinite(errors)], FLOOR))
+    factor = max(10.0, high / low)
+    taus = np.logspace(0.0, math.log10(factor), _POINTS)
+    thresholds = np.logspace(math.log10(low), math.log10(high), _POINTS)
+    shares = performance_profile(errors, taus, floor=FLOOR)
+    kinds = strata(results, board.cells)
+    scores = [score_profile(np.maximum(own, FLOOR), thresholds, strata=kinds) for own in errors]
+    left = [
+        {"label": label, "x": taus, "y": share}
+        for label, share in zip(board.labels, shares, strict=True)
+    ]
+    right = [
+        {"label": label, "x": thresholds, "y": s.share, "low": s.low, "high": s.high}
+        for label, s in zip(board.labels, scores, strict=True)
+    ]
+    shown = {label: looks[label] for label in board.labels}
+    title = "Performance profile and score profile of the steady task error"
+    charts = [
+        _profile(
+            left, shown, title, log_axis(1.0, factor, "within this factor of the cell's best")
+        ),
+        _profile(right, shown, title, log_axis(low, high, "steady |eᵉ| at most  (m)")),
+    ]
+    charts[0]["title"], charts[1]["title"] = "Performance profile", "Score profile"
+    caption = (
+        "Performance profile: the share of cells in which a controller’s error is within a factor of "
+        "the least of all controllers there; at 1, where it is the best. Score profile: the share of "
+        "cells with an error of at most so much, with 95 % bands. A failure is within no factor and "
+        "below no error. Higher is better."
+    )
+    return Figure("profiles", charts, caption, across=True)
+
+
+def _profile(rows: list[dict[str, Any]], looks: Looks, title: str, axis: dict[str, Any]) -> Spec:
+    fields: list[Any] = list(rows[0])[1:]
+    rows = sorted(rows, key=lambda row: looks[row["label"]].depth)
+    base = inherited().transform_flatten(fields)
+    x = alt.X("x:Q", **axis)
+    y = alt.Y("y:Q", title="share of cells", scale=alt.Scale(domain=[0, 1.02], nice=False))
+    look = looked(looks, line=True)
+    lines = base.mark_line(interpolate="step-after", clip=True).encode(x=x, y=y, **look)
+    tips = [
+        alt.Tooltip("label:N"),
+        alt.Tooltip("x:Q", format=".3~g"),
+        alt.Tooltip("y:Q", format=".0%"),
+    ]
+    hover = base.mark_point(opacity=0, size=90).encode(x="x:Q", y="y:Q", tooltip=tips)
+    layers = [lines, hover.properties(name="hover")]
+    if "low" in fields:
+        band = base.mark_area(interpolate="step-after", opacity=0.1, clip=True)
+        band = band.encode(x="x:Q", y="low:Q", y2="high:Q", color=look["color"])
+        layers.insert(0, band)
+    return figure(layered(*layers, data="rows", height=250.0, zoom="x"), title, rows=rows)
+
+
+def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure:
+    """Draw precision against each effort, with the front."""
+    charts = []
+    for metric, found in prices.items():
+        shown = [p for p in found if math.isfinite(p.error.estimate + p.effort.estimate)]
+        ends = [
+            min(v, 1e12) for p in shown for v in (p.effort.low, p.effort.estimate, p.effort.high)
+        ]
+        efforts = [v for v in ends if math.isfinite(v)] or [1.0, 10.0]
+        margin = max((max(efforts) / min(efforts)) ** 0.08, 1.05)
+        left, right = min(efforts) / margin, max(efforts) * margin
+        rows = [
+            {
+                "label": p.label,
+                "x": p.effort.estimate,
+                "y": p.error.estimate,
+                "x0": max(p.effort.low, left),
+                "x1": min(p.effort.high, right),
+                "y0": p.error.low,
+                "y1": p.error.high,
+                "value": f"{number(p.error.estimate)} m at {number(p.effort.estimate)}",
+            }
+            for p in shown
+        ]
+        corners = sorted((p.effort.estimate, p.error.estimate) for p in shown if p.front)
+        corners += [(right, corners[-1][1])] if corners else []
+        own_looks = {
+            label: look for label, look in looks.items() if label in {p.label for p in shown}
+        }
+        title = "Precision against effort of each controller, with the Pareto front"
+        axis = log_axis(left, right, EFFORTS[metric])
+        charts.append(_error_against(rows, own_looks, title, axis, joined=False, front=corners))
+    caption = (
+        "Lower left is better; bars: 95 % intervals; grey: the front. Controllers that fail in half of "
+        "the cells or more are not drawn."
+    )
+    return Figure("pareto", charts, caption, across=True)
+
+
+# Single cells --------------------------------------------------------------------------------------
+
+
+class CellFigures(NamedTuple):
+    """The figures of a cell, and those that are shown on demand."""
+
+    cell: int
+    figures: list[Figure]
+    more: list[Figure]
+
+
+def papers_cell(results: Results) -> int | None:
+    """Find the cell whose figures are the paper's: its task where nothing is changed."""
+    cells = results.cells[
+        (results.cells.task == PAPERS_TASK) & (results.cells.scenario == "nominal")
+    ]
+    done = results.runs.cell[results.runs.state == DONE]
+    return next((int(cell) for cell in cells.index if cell in set(done)), None)
+
+
+def cell_figures(
+    results: Results, cell: int, looks: Looks, columns: int, motor_columns: int
+) -> CellFigures:
+    """Draw the errors of a cell's first seed against time, and the torques.
+
+    Args:
+        results: The runs.
+        cell: Its number.
+        looks: Of the controllers.
+        columns: How many columns errors are thinned to.
+        motor_columns: The same for each motor's torque; 0 to draw the norms of the torques.
+    """
+    name, duration = results.cells.name[cell], float(results.cells.duration[cell])
+    own_runs = results.runs[(results.runs.cell == cell) & (results.runs.state == DONE)]
+    runs = own_runs[own_runs.seed == own_runs.seed.iloc[0]]
+    records = {run.label: (run, results.samples(run)) for run in runs.itertuples()}
+    records = {label: found for label, found in records.items() if found[1] is not None}
+    if not records:
+        return CellFigures(cell, [], [])
+    titles = {
+        "task_error": ("task error", _ERROR[7:]),
+        "auxiliary_error": ("auxiliary error", "|eᵃ|"),
+    }
+    captions = [
+        "Euclidean norm of the task errors e^e. Dotted: 1e-4 m.",
+        "Euclidean norm of the auxiliary errors e^a: how far from (locally) optimal for the criterion.",
+        "Euclidean norm of the torques v.",
+    ]
+    if not motor_columns:
+        titles["torque"] = ("torque", "|v|  (N m or N)")
+    figures = []
+    for (column, (what, axis)), caption in zip(titles.items(), captions, strict=False):
+        curves, good = [], []
+        for label, (run, record) in records.items():
+            curve = _norm(label, record.t, getattr(record, column), columns, run)
+            curves.append(curve)
+            good += [curve.values] if run.ok else []
+        # a run that diverges must not take the scale away from those that do not
+        limits = decades(np.concatenate(good or [c.values for c in curves]))
+        spec = time_chart(
+            curves,
+            looks,
+            title=f"Norm of the {what} against time, log axis: {name}",
+            axis=axis,
+            duration=duration,
+            limits=limits,
+            steady=STEADY * duration,
+            mark=SUCCESS if column == "task_error" else None,
+            height=240.0 if motor_columns else 170.0,
+        )
+        figures.append(Figure(f"{name} {what}", [spec], caption))
+    if not motor_columns:
+        charts = [figure.charts[0] for figure in figures]
+        return CellFigures(cell, [Figure(name, charts, "", across=True)], [])
+    law = [
+        label for label, (run, _) in records.items() if run.law == PAPERS_LAW and not run.explicit
+    ]
+    shown = law[0] if law else next(iter(records))
+    others = []
+    for label, (run, record) in records.items():
+        first = label == shown
+        heading = label if run.ok else f"{label}: {run.status} at {instant(_end(run, record))}"
+        charts = torque_charts(
+            record.t,
+            record.torque,
+            list(record.velocity_names),
+            title=f"Torques of {label} against time: {name}",
+            duration=duration,
+            end=math.nan if run.ok else _end(run, record),
+            columns=motor_columns,
+            together=not first,
+            heading="" if first else heading,
+        )
+        if first:
+            caption = (
+                f"Torques v of {label}; alpha_i: motors of the platform, in its quasi-velocities."
+            )
+            figures.append(Figure(f"{name} torque", charts, caption))
+        else:
+            others += charts
+    caption = (
+        "Torques v of the other controllers, each panel on its own scale; a run that diverged is cut "
+        "off where it leaves the scale of what came before."
+    )
+    more = [Figure(f"{name} other torques", others, caption, across=True)] if others else []
+    if results.cells.task[cell] == PAPERS_TASK and results.cells.scenario[cell] == "nominal":
+        for i, found in enumerate(figures):
+            figures[i] = found._replace(caption=f"Fig. {i + 2}. {found.caption}")
+    return CellFigures(cell, figures, more)
+
+
+def _norm(label: str, t: Array, values: Array, columns: int, run: Any) -> Curve:
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.asarray(np.linalg.norm(values, axis=1))
+    x, y = thin(t, size, columns)
+    drawn = np.where(np.isfinite(y), np.maximum(y, FLOOR), math.nan)
+    end = math.nan if run.ok or not len(t) else float(t[-1])
+    return Curve(label, x, drawn, end)
+
+
+def _end(run: Any, record: Any) -> float:
+    """When a run ended (s); its last sample if its message does not say it."""
+    return float(run.end if math.isfinite(run.end) or not len(record.t) else record.t[-1])

@@ -1,0 +1,343 @@
+"""The runs of a suite as one pandas frame, with the cells that they are compared in."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mobman.arrays import Array
+from mobman.benchmark.statistics import FLOOR
+from mobman.benchmark.store import Store
+from mobman.errors import MobmanError, RecordError
+from mobman.input_file import check_within
+from mobman.printable import printable
+from mobman.simulation.record import RecordSummary, load_record
+from mobman.simulation.run_spec import RunSpec
+
+NOMINAL = "nominal"
+DONE, FAILED, NOT_RUN = "done", "failed", "not run"
+WriteReplay = Callable[[Path, Path, float | None], None]
+"""Writes a page: given a record's file, the page's, and the instant that it opens at (s), if any."""
+_INSTANT = re.compile(r"\bt = ([0-9][0-9.eE+-]*) s")
+_CELL = ["robot", "task", "scenario", "dt", "duration"]
+_DEFAULTS: dict[str, Any] = {
+    **dict.fromkeys(("robot", "task", "scenario", "family", "label", "law", "file"), ""),
+    "dt": 1e-3,
+    "duration": 1.0,
+    "seed": 0,
+    "state": DONE,
+    **dict.fromkeys(("status", "message", "created", "acceleration", "command", "replay"), ""),
+    **{name: {} for name in ("metrics", "settings", "versions", "machine")},
+    "gains": None,
+    "load": None,
+}
+"""Fields of a run. ``state``: done, failed (by a fault of software or machine, with the reason as the
+message) or not run yet. ``gains``: as the suite gives them, None if unknown."""
+
+
+@dataclass
+class Results:
+    """What a folder holds, without the samples.
+
+    Args:
+        rows: The runs that the suite asks for, in its order: fields by name.
+        name: Of the suite.
+        description: Of the suite.
+        seconds: Wall time of the suite; None if unknown.
+        workers: Processes that worked on it; None if unknown.
+        tuned: By label, where its gains are tuned: what of, with what budget, and what came of it.
+        folder: Of the results, for commands.
+        unused: Files that are not used, or only in part, and why.
+    """
+
+    rows: Sequence[Mapping[str, Any]]
+    name: str = ""
+    description: str = ""
+    seconds: float | None = None
+    workers: int | None = None
+    tuned: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    folder: str = "DIR"
+    unused: dict[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """One row a run, those without a result too, by cell."""
+        rows = [{**_DEFAULTS, **row} for row in self.rows]
+        runs = pd.DataFrame(rows, columns=list(_DEFAULTS))
+        done, metrics = runs.state == DONE, self.metrics
+        runs["ok"] = done & (runs.status == "ok")
+        success = metrics.get("success", pd.Series(0.0, runs.index))
+        runs["succeeded"] = done & (success == 1.0)
+        error = metrics.get("task_error_max", pd.Series(math.nan, runs.index))
+        runs["error"] = error.where(done & error.notna(), math.inf)
+        runs["end"] = [_instant(message) for message in runs.message]
+        share = metrics.get("saturation_share", pd.Series(0.0, runs.index))
+        start = metrics.get("saturation_start", pd.Series(math.nan, runs.index))
+        runs["saturation"] = start.where(share > 0.0)
+        runs["explicit"] = [s.get("discretization") == "explicit" for s in runs.settings]
+        cells = list(runs[_CELL].itertuples(index=False, name=None))
+        numbers = {cell: i for i, cell in enumerate(dict.fromkeys(cells))}
+        runs["cell"] = [numbers[cell] for cell in cells]
+        order = {cell: i for i, cell in enumerate(self._cells_of(runs).index)}
+        return runs.sort_values("cell", key=lambda c: c.map(order), kind="stable")
+
+    @cached_property
+    def metrics(self) -> pd.DataFrame:
+        """Metrics by name, a row a run; NaN where there is none."""
+        found = [dict(row.get("metrics", {})) for row in self.rows]
+        return pd.DataFrame(found, index=range(len(found)), dtype=float)
+
+    @cached_property
+    def cells(self) -> pd.DataFrame:
+        """One row a cell, by group; with ``group``, ``variant``, ``name`` and ``family``."""
+        return self._cells_of(self.runs)
+
+    def _cells_of(self, runs: pd.DataFrame) -> pd.DataFrame:
+        first = runs.drop_duplicates("cell").sort_values("cell").set_index("cell")
+        cells = first[_CELL].copy()
+        families = runs[runs.family != ""].drop_duplicates("cell").set_index("cell").family
+        cells["family"] = families.reindex(cells.index).fillna(cells.scenario)
+        cells["group"] = [f"{r}, {t}" for r, t in zip(cells.robot, cells.task, strict=True)]
+        siblings = cells.groupby(["group", "scenario"], sort=False)
+        periods, lengths = (siblings[name].transform("nunique") for name in ("dt", "duration"))
+        cells["variant"] = [
+            scenario + (f", dt {1e3 * dt:g} ms" if a > 1 else "") + (f", {t:g} s" if b > 1 else "")
+            for scenario, dt, t, a, b in zip(
+                *(cells.scenario, cells.dt, cells.duration, periods, lengths), strict=True
+            )
+        ]
+        cells["name"] = [f"{g}, {v}" for g, v in zip(cells.group, cells.variant, strict=True)]
+        # the nominal scenario first, the others as they come; each from the shortest period on
+        group, scenario = (pd.factorize(cells[name])[0] for name in ("group", "scenario"))
+        cells["place"] = list(
+            zip(group, cells.scenario != NOMINAL, scenario, cells.dt, cells.duration, strict=True)
+        )
+        return cells.sort_values("place").drop(columns="place")
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """Of all controllers, in the suite's order."""
+        return list(dict.fromkeys(row.get("label", "") for row in self.rows))
+
+    @property
+    def groups(self) -> list[str]:
+        """Of the cells: robot and task."""
+        return list(self.cells.group.unique())
+
+    @property
+    def lost(self) -> pd.DataFrame:
+        """The runs without a result."""
+        return self.runs[self.runs.state != DONE]
+
+    def by_cell(self, values: pd.Series, how: str) -> pd.DataFrame:
+        """Aggregate a column of the runs over seeds: cells by labels, NaN where none was asked for."""
+        keys = [self.runs.cell, self.runs.label]
+        found = values.reindex(self.runs.index).groupby(keys, sort=False).agg(how).unstack()
+        return found.reindex(index=self.cells.index, columns=self.labels)
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """Scores (m): the worst of the seeds; inf where one has no result or did not go to its end."""
+        return self.by_cell(self.runs.error, "max").clip(lower=FLOOR)
+
+    @cached_property
+    def solved(self) -> pd.DataFrame:
+        """True where all seeds succeeded."""
+        return self.by_cell(self.runs.succeeded, "all").eq(True)  # NaN is not
+
+    @cached_property
+    def pending(self) -> pd.DataFrame:
+        """True where a seed was not run yet, so that nothing is known."""
+        return self.by_cell(self.runs.state == NOT_RUN, "any").eq(True)
+
+    def effort(self, metric: str) -> pd.DataFrame:
+        """A metric's median over seeds, over the least of its cell; inf where a seed failed."""
+        found = self.metrics[metric] if metric in self.metrics else self.runs.error * math.nan
+        whole = found.where(self.runs.ok & found.notna(), math.inf)
+        values = self.by_cell(whole, "median").where(
+            self.by_cell(whole, "max") < math.inf, math.inf
+        )
+        least = values.where(values > 0.0).min(axis=1)
+        return values.div(least, axis=0).where(np.isfinite(values), math.inf).fillna(math.inf)
+
+    def samples(self, row: Any) -> Any:
+        """The record of a run; None, and a note in ``unused``, if its samples cannot be read."""
+        try:
+            return row.load()
+        except (RecordError, OSError, RuntimeError, KeyError, ValueError) as error:
+            self.unused[row.file] = f"its samples cannot be read: {error}"
+            return None
+
+
+def _instant(message: str) -> float:
+    """When a run ended (s), by its message: a decimated record may end before."""
+    found = _INSTANT.search(message)
+    return float(found[1]) if found else math.nan
+
+
+# A folder ------------------------------------------------------------------------------------------
+
+
+def read_results(
+    store: Store, place: Path | None = None, write_replay: WriteReplay | None = None
+) -> Results:
+    """Read everything in a folder of results but the samples.
+
+    Args:
+        store: The folder.
+        place: The folder that files are named from; the store's own by default.
+        write_replay: Writes the page of a run; see :func:`.report.report_on`.
+
+    Raises:
+        MobmanError: If there are no results at all.
+    """
+    place = place or store.folder
+    reasons = {failure.run_id: failure.reason for failure in store.failures}
+    rows: list[dict[str, Any]] = []
+    unused: dict[str, str] = {}
+    asked = set()
+    for spec in store.runs:
+        path = store.path(spec)
+        asked.add(path.name)
+        row = _row(spec, _relative(path, place))
+        rows.append(row)
+        try:
+            summary = store.summary(spec)
+        except RecordError as error:
+            there, reason = path.exists(), reasons.get(path.stem, "")
+            if there:
+                unused[_relative(path, store.folder)] = str(error)
+            pending = not reason and not there
+            row["state"] = NOT_RUN if pending else FAILED
+            row["message"] = reason or ("not done yet" if pending else str(error))
+            continue
+        row |= _outcome(summary, path)
+        page = place / "replays" / f"{path.stem}.html"
+        check_within(page.parent, place)
+        if write_replay is not None:
+            try:
+                write_replay(path, page, row.pop("instant"))
+            except RecordError as error:  # its samples cannot be read, though its metrics can
+                unused[_relative(path, store.folder)] = str(error)
+        try:  # a page of an earlier record is none
+            if page.stat().st_mtime_ns >= path.stat().st_mtime_ns:
+                row["replay"] = _relative(page, place)
+        except OSError:
+            pass
+    if not rows:
+        raise MobmanError(f"{store.folder} holds no runs")
+    unused |= _others(store, asked)
+    manifest = store.manifest
+    controllers = manifest.suite.controllers.items()
+    tuned = {k: v.tuned.model_dump(mode="json") for k, v in controllers if v.tuned is not None}
+    suite = manifest.suite.name, manifest.suite.description
+    folder = shlex.quote(str(store.folder))
+    return Results(rows, *suite, manifest.seconds, manifest.workers, tuned, folder, unused)
+
+
+def _row(spec: RunSpec, file: str) -> dict[str, Any]:
+    measured = spec.scenario.get("acceleration", "")
+    return {
+        **spec.cell._asdict(),
+        "family": spec.family,
+        "label": spec.label,
+        "law": spec.law,
+        "seed": spec.seed,
+        "gains": spec.gains,
+        "file": file,
+        "acceleration": str(measured.get("type", "") if isinstance(measured, dict) else measured),
+    }
+
+
+def _outcome(summary: RecordSummary, path: Path) -> dict[str, Any]:
+    load = partial(load_record, path)
+    instant = None if summary.status == "ok" else _instant(summary.message)
+    if instant is not None and math.isnan(instant):
+        try:
+            times: Array = load().t
+            instant = float(times[-1]) if len(times) else None
+        except RecordError:
+            instant = None
+    words = ["mobman", "view", str(path)]
+    words += [] if instant is None else ["--time", f"{instant:.6g}"]
+    names = ("status", "message", "metrics", "settings", "versions", "created", "machine")
+    found = {name: getattr(summary, name) for name in names}
+    command = shlex.join(words)
+    return {**found, "load": load, "command": command, "instant": instant}
+
+
+def _others(store: Store, asked: set[str]) -> dict[str, str]:
+    """Files beside the records that the suite asked for, and why they are not used."""
+    found = {}
+    for path in sorted((store.folder / "runs").glob("*")):
+        if path.name in asked or path.name.startswith("."):  # the latter: being written
+            continue
+        reason = "a record that this suite does not ask for"
+        if path.suffix != ".h5":
+            reason = "not a record: these end in .h5"
+        else:
+            try:
+                store.read(path)
+            except RecordError as error:
+                reason = str(error)
+        found[_relative(path, store.folder)] = reason
+    return found
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """A path as a link from a folder."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # on another drive
+        return path.resolve().as_posix()
+
+
+# All runs, for other programs ----------------------------------------------------------------------
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+
+
+def csv_of(results: Results) -> str:
+    """Write the runs as CSV, one a row; those without a result have the status "failed" or "not run".
+
+    Numbers have all digits; ``inf`` and ``nan`` are written so. Texts that a spreadsheet would take
+    for a formula have an apostrophe in front.
+    """
+    runs = results.runs
+    done = runs.state == DONE
+    table = pd.DataFrame(
+        {
+            **{name: runs[name] for name in ("robot", "task", "scenario")},
+            "family": results.cells.family.reindex(runs.cell).to_numpy(),
+            "duration": runs.duration.map(repr),
+            "dt": runs.dt.map(repr),
+            "controller": runs.label,
+            "seed": runs.seed,
+            "law": runs.law.where(done, ""),
+            "status": runs.status.where(done, runs.state),
+            "message": runs.message.where(done, runs.message.str.split().str.join(" ")),
+            "created": runs.created,
+            "file": runs.file.where(done, ""),
+        }
+    )
+    texts = [name for name in table if name not in ("duration", "dt", "seed")]
+    table[texts] = table[texts].map(_csv_text)
+    numbers = results.metrics.reindex(runs.index).map(repr)
+    numbers.columns = numbers.columns.map(_csv_text)
+    whole = pd.concat([table, numbers.where(done, "")], axis=1)
+    return str(whole.to_csv(index=False, lineterminator="\n"))
+
+
+def _csv_text(text: str) -> str:
+    # a carriage return would end the row
+    return ("'" if text.startswith(_FORMULA) else "") + printable(text)

@@ -1,0 +1,165 @@
+"""The gains in force, and where each comes from."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from mobman.benchmark.report.data import DONE, Results
+from mobman.benchmark.report.format import UNDEFINED, count, listing, number, setting
+from mobman.benchmark.report.tables import Entry, Table, label_entry, table_of
+from mobman.controllers.gains import as_settings
+from mobman.controllers.protocol import controllers
+from mobman.errors import UnknownNameError
+
+_AUTO = "auto"
+_ORIGINS = {
+    "given": "Given",
+    _AUTO: "Found automatically",
+    "auto or given": "Found automatically or given",
+}
+
+
+class ControllerSettings(NamedTuple):
+    """A label's law, what of it is not the default, and all of it."""
+
+    label: str
+    law: str
+    remark: str
+    table: Table | None
+    """None for a controller that does not report its settings."""
+
+
+def settings_of(results: Results) -> list[ControllerSettings]:
+    """List the settings of every label that has a run."""
+    done = results.runs[results.runs.state == DONE]
+    found = []
+    for label in results.labels:
+        own = done[done.label == label]
+        if len(own):
+            item = _settings(
+                label, {g: own[own.cell.map(results.cells.group) == g] for g in results.groups}
+            )
+            if label in results.tuned:
+                tuned = results.tuned[label]
+                trials = tuned.get("trials")
+                budget = f" in {count(trials, 'trial')}" if isinstance(trials, int) else ""
+                origin = f"Tuned from {tuned.get('label', 'another')}{budget}."
+                item = item._replace(remark=f"{origin} {item.remark}")
+            found.append(item)
+    return found
+
+
+def _settings(label: str, groups: Mapping[str, pd.DataFrame]) -> ControllerSettings:
+    columns = {name: runs for name, runs in groups.items() if len(runs)}
+    runs = pd.concat(list(columns.values()))
+    law = str(runs.law.iloc[0])
+    names = list(dict.fromkeys(name for settings in runs.settings for name in settings))
+    if not names:
+        return ControllerSettings(label, law, "It does not report its settings.", None)
+    fields, defaults = _declared(law)
+    rows, special = [], []
+    for name in names:
+        row: list[Entry | str] = [name]
+        for group, own in columns.items():
+            values = listing(list(dict.fromkeys(setting(s.get(name)) for s in own.settings)))
+            origin = _origin(name, own.iloc[0], defaults)
+            row.append(Entry(values, "best" if origin == "given" else "", unit=origin))
+            if origin in _ORIGINS:
+                special.append((origin, f"{name} = {values}", group))
+        default = setting(defaults[name]) if name in defaults else UNDEFINED
+        rows.append([*row, Entry(default, "faint"), *fields.get(name, ("", ""))])
+    heads = [*map(Entry, columns), Entry("default"), Entry("unit", number=False)]
+    heads.append(Entry("meaning", number=False))
+    table = table_of(f"{label}: settings in force", "gain", rows, *heads)
+    return ControllerSettings(label, law, _remark(special, list(columns)), table)
+
+
+def _origin(name: str, run: Any, defaults: dict[str, Any]) -> str:
+    """Where a setting comes from: "default", "given" or "auto"; empty if that is not known."""
+    if run.gains is not None:
+        given = {key.replace("_", ""): value for key, value in run.gains.items()}
+        plain = name.replace("_", "")
+        if plain in given and given[plain] != _AUTO:
+            return "given"
+        if plain in given or defaults.get(name) == _AUTO:
+            return _AUTO
+        return "default" if name in defaults else ""
+    if name not in defaults:
+        return ""
+    if run.settings.get(name) == defaults[name]:
+        return "default"
+    # a number where the default is "auto" may be either
+    return "auto or given" if defaults[name] == _AUTO else "given"
+
+
+def _remark(special: Sequence[tuple[str, str, str]], groups: Sequence[str]) -> str:
+    """In words: which settings are not defaults, and what "auto" became."""
+    sentences = []
+    for origin, words in _ORIGINS.items():
+        where: dict[str, list[str]] = {}
+        for group in groups:
+            clause = ", ".join(text for kind, text, g in special if (kind, g) == (origin, group))
+            if clause:
+                where.setdefault(clause, []).append(group)
+        for clause, found in where.items():
+            place = "" if len(found) == len(groups) else f" for {listing(found)}"
+            sentences.append(f"{words}{place}: {clause}.")
+    rest = "All others are the law's defaults." if special else "All are the law's defaults."
+    return " ".join([*sentences, rest])
+
+
+def _declared(law: str) -> tuple[dict[str, tuple[str, str]], dict[str, Any]]:
+    """Units and meanings of a law's gains, and their defaults; empty for a law without a name."""
+    try:
+        gains = controllers.get(law).Gains
+        defaults = as_settings(gains())
+    except (UnknownNameError, AttributeError, TypeError):
+        return {}, {}
+    fields = {
+        item.name: (item.metadata.get("unit", ""), item.metadata.get("meaning", ""))
+        for item in dataclasses.fields(gains)
+    }
+    return fields, defaults
+
+
+def tuning_table(tuned: Mapping[str, Mapping[str, Any]]) -> Table | None:
+    """Show the budget of every tuned label, and what it brought; None if none was tuned."""
+    rows: list[list[Entry | str]] = []
+    for label, item in tuned.items():
+        ranges = (f"{name} {_range(value)}" for name, value in (item.get("space") or {}).items())
+        known = {
+            key: str(item.get(key, UNDEFINED)) for key in ("label", "trials", "trial", "objective")
+        }
+        scores = (_score(item.get(key)) for key in ("score_default", "score"))
+        rows.append([label_entry(label), *known.values(), *scores, ", ".join(ranges)])
+    columns = "tuned;gains of;#trials;#best trial;objective;#score before;#score after;ranges"
+    caption = "Budget of tuning; trial 0 is the gains as they were"
+    return table_of(caption, columns, rows) if rows else None
+
+
+def unequal_budgets(tuned: Mapping[str, Mapping[str, Any]]) -> str:
+    """Say so where controllers were tuned with different budgets; empty if all had the same."""
+    trials: dict[Any, list[str]] = {}
+    for label, item in tuned.items():
+        trials.setdefault((item.get("trials"), item.get("objective")), []).append(label)
+    if len(trials) < 2:
+        return ""
+    parts = [f"{listing(labels)}: {n} trials for {what}" for (n, what), labels in trials.items()]
+    return f"The budgets were not equal, so tuned gains are not comparable: {'; '.join(parts)}."
+
+
+def _score(value: Any) -> str:
+    return number(float(value)) if isinstance(value, (int, float)) else UNDEFINED
+
+
+def _range(value: Any) -> str:
+    if isinstance(value, Mapping):
+        low, high = value.get("low"), value.get("high")
+        if low is not None and high is not None:
+            return f"{setting(low)} to {setting(high)}"
+        return ", ".join(f"{key} {setting(item)}" for key, item in value.items())
+    return setting(value)

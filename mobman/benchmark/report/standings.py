@@ -1,0 +1,284 @@
+"""Who is ahead, as far as the cells settle it; and which cells are drawn."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+import numpy as np
+import pandas as pd
+
+from mobman.benchmark.report.data import DONE, Results
+from mobman.benchmark.statistics import (
+    Comparison,
+    Interval,
+    SuccessComparison,
+    adjust,
+    compare_all,
+    compare_successes,
+    interquartile_mean,
+    median,
+    proportion,
+    ranking,
+)
+from mobman.errors import UsageError
+
+EFFORTS = {
+    "torque_energy": "integral of |v|² over the cell's least",
+    "torque_variation": "total variation of v over the cell's least",
+}
+"""What precision is paid for with: metrics, and their names."""
+MOST = 400
+"""Cells that are all drawn; of more, a selection."""
+EACH = 12
+"""Cells of each kind in a selection."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A controller's place."""
+
+    label: str
+    error: Interval
+    """Geometric interquartile mean of the cells' errors (m); inf where failures are in it."""
+    ranks: tuple[int, int] | None
+    """First and last that the cells allow; None if it was not compared."""
+    solved: int
+    """Cells in which all of its runs succeeded."""
+    cells: int
+    rate: Interval
+    """Share of solved cells, with Wilson's interval."""
+    asked: int
+    """Runs."""
+    ended: int
+    """Runs that diverged or met a singularity."""
+    lost: int
+    """Runs that were tried and gave no result; they count as failures."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two controllers on the same cells: by their errors, and by which cells they solve."""
+
+    a: str
+    b: str
+    error: Comparison
+    error_p: float
+    """Of the errors, corrected for all pairs."""
+    success: SuccessComparison
+    success_p: float
+    """Of the solved cells, corrected for all pairs."""
+
+
+@dataclass(frozen=True)
+class Price:
+    """What a controller's precision costs."""
+
+    label: str
+    error: Interval
+    """Geometric interquartile mean (m)."""
+    effort: Interval
+    """Median over cells of the effort over the cell's least."""
+    front: bool
+    """True if no other is as good in both and better in one."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """The controllers that can be compared, where, and their standings.
+
+    Cells are those that all of them were asked for and in which all of their runs were tried: of what
+    was not run nothing is known, and to count it as failed would rank controllers by the order in
+    which a suite is run.
+    """
+
+    labels: list[str]
+    """Of the controllers that are compared, in the suite's order."""
+    cells: pd.Index
+    """Numbers of the cells that they are compared in."""
+    asked: int
+    """Cells of the suite."""
+    pending: int
+    """Cells that are left out until all of their runs are done."""
+    standings: list[Standing]
+    """The best first; controllers that were asked for in too few cells are last, without ranks."""
+    families: dict[str, dict[str, Standing]]
+    """Standings by scenario family and label, if there are several families."""
+    pairs: list[Pair]
+    """Of every two compared controllers, the better placed as a."""
+
+    @property
+    def ranked(self) -> list[Standing]:
+        """Standings with ranks."""
+        return [standing for standing in self.standings if standing.ranks is not None]
+
+    @property
+    def others(self) -> list[str]:
+        """Labels of controllers without ranks."""
+        return [standing.label for standing in self.standings if standing.ranks is None]
+
+    @property
+    def compares(self) -> bool:
+        """True if there are controllers to compare, and cells to compare them in."""
+        return len(self.ranked) > 1 and len(self.cells) > 0
+
+
+def board_of(results: Results) -> Board:
+    """Rank the controllers over the cells that all were asked for.
+
+    A controller that would cost more than half of the cells that the others share is left out.
+    """
+    asked = results.errors.notna()
+    shared = pd.Series(True, results.cells.index)
+    chosen: list[str] = []
+    for label in sorted(results.labels, key=lambda label: -asked[label].sum()):  # stable
+        left = shared & asked[label]
+        if not chosen or 2 * left.sum() > shared.sum():
+            shared = left
+            chosen.append(label)
+    labels = [label for label in results.labels if label in chosen]
+    tried = shared & ~results.pending[labels].any(axis=1)
+    cells = results.cells.index[tried]
+    standings = list(_standings(results, labels, cells).values())
+    order = [standing.label for standing in standings]
+    for label in (label for label in results.labels if label not in chosen):
+        own = results.cells.index[asked[label] & ~results.pending[label]]
+        if len(own):
+            error = interquartile_mean(results.errors.loc[own, label].tolist(), scale="log10")
+            standings.append(_standing(results, label, error, None, own))
+    members = results.cells.loc[cells].groupby("family", sort=False).groups
+    families = {str(f): _standings(results, labels, own) for f, own in members.items()}
+    pairs = _pairs(results, order, cells) if len(order) > 1 else []
+    several = families if len(families) > 1 else {}
+    pending = int(shared.sum() - tried.sum())
+    return Board(labels, cells, len(results.cells), pending, standings, several, pairs)
+
+
+def strata(results: Results, cells: pd.Index) -> list[str]:
+    """Name the kind of each cell: its robot and task."""
+    own = results.cells.loc[cells]
+    return [f"{robot}\0{task}" for robot, task in zip(own.robot, own.task, strict=True)]
+
+
+def _standings(results: Results, labels: list[str], cells: pd.Index) -> dict[str, Standing]:
+    if not len(cells):
+        return {}
+    errors = results.errors.loc[cells, labels].to_numpy().T
+    return {
+        rank.label: _standing(results, rank.label, rank.score, (rank.first, rank.last), cells)
+        for rank in ranking(labels, errors, strata=strata(results, cells))
+    }
+
+
+def _standing(
+    results: Results, label: str, error: Interval, ranks: tuple[int, int] | None, cells: pd.Index
+) -> Standing:
+    runs = results.runs[(results.runs.label == label) & results.runs.cell.isin(cells)]
+    solved, done = int(results.solved.loc[cells, label].sum()), runs.state == DONE
+    rate = proportion(solved, len(cells))
+    ended, lost = int((done & ~runs.ok).sum()), int((~done).sum())
+    return Standing(label, error, ranks, solved, len(cells), rate, len(runs), ended, lost)
+
+
+def _pairs(results: Results, order: Sequence[str], cells: pd.Index) -> list[Pair]:
+    """Every two controllers, in an order."""
+    scores = [results.errors.loc[cells, label].to_numpy() for label in order]
+    errors = compare_all(order, scores, strata=strata(results, cells))
+    solved = results.solved.loc[cells]
+    successes = [compare_successes(solved[p.a].tolist(), solved[p.b].tolist()) for p in errors]
+    adjusted = adjust([found.p_value for found in successes])
+    return [
+        Pair(pair.a, pair.b, pair.comparison, pair.adjusted_p, success, float(p))
+        for pair, success, p in zip(errors, successes, adjusted, strict=True)
+    ]
+
+
+def prices_of(results: Results, board: Board, metric: str) -> list[Price]:
+    """Set precision against an effort; failures cost, and miss, without end."""
+    efforts, kinds = results.effort(metric).loc[board.cells], strata(results, board.cells)
+    found = {
+        s.label: (s.error, median(efforts[s.label].to_numpy(), scale="log10", strata=kinds))
+        for s in board.ranked
+    }
+    points = {label: (e.estimate, p.estimate) for label, (e, p) in found.items()}
+
+    def front(label: str) -> bool:
+        x, y = points[label]
+        beaten = any(p != (x, y) and p[0] <= x and p[1] <= y for p in points.values())
+        return math.isfinite(x + y) and not beaten
+
+    return [Price(label, error, effort, front(label)) for label, (error, effort) in found.items()]
+
+
+def upper_median(errors: pd.Series) -> float:
+    """Find the middle one; of an even number the worse of the two: where half failed, this failed."""
+    found = np.sort(errors.dropna())
+    return float(found[len(found) // 2]) if len(found) else math.inf
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Cells to draw."""
+
+    cells: list[int]
+    why: dict[int, str] = field(default_factory=dict)
+    """By cell: why it is among them; empty where all are drawn."""
+    rule: str = ""
+    """How they were chosen; empty where all are drawn."""
+
+
+def select(results: Results, patterns: Sequence[str] = (), most: int = MOST) -> Selection:
+    """Choose all cells with runs, or those asked for, or a selection.
+
+    Args:
+        results: The runs.
+        patterns: Names of cells, with ``*`` and ``?``; none for all, or a selection of many.
+        most: More cells than so many are not all drawn.
+
+    Raises:
+        UsageError: If a pattern fits no cell.
+    """
+    runs = results.runs
+    names = results.cells.name[results.cells.index.isin(runs.cell[runs.state == DONE])]
+    if patterns:
+        chosen: dict[int, None] = {}
+        for pattern in patterns:
+            found = [cell for cell, name in names.items() if fnmatchcase(name, pattern)]
+            if not found:
+                near = difflib.get_close_matches(pattern, list(names), 3, 0.0) or ["there is none"]
+                raise UsageError(
+                    f"no cell has the name {pattern!r}; near it are: {'; '.join(near)} "
+                    "(* stands for any text)"
+                )
+            chosen.update(dict.fromkeys(found))
+        return Selection([*chosen][:most], {}, f"Drawn: {', '.join(patterns)}, as requested.")
+    if len(names) <= most:
+        return Selection(list(names.index))
+    # one that was not run yet says nothing; there is a run, or the cell would not be drawn
+    tried = results.errors.mask(results.pending).loc[names.index]
+    # of cells in which half fail, those are worst in which the others are
+    middle = tried.apply(upper_median, axis=1)
+    ranked = list(middle.replace(math.inf, 1e300).sort_values(kind="stable").index)
+    failed = ~runs.ok & (runs.state != "not run")
+    lost = failed.groupby(runs.cell).sum().reindex(names.index)
+    failing = lost[lost > 0].sort_values(ascending=False, kind="stable")
+    start = len(ranked) // 2 - EACH // 2
+    kinds = {
+        "worst": ranked[::-1][:EACH],
+        "failed": list(failing.index[:EACH]),
+        "median": ranked[start : start + EACH],
+        "best": ranked[:EACH],
+    }
+    why: dict[int, str] = {}
+    for kind, members in kinds.items():
+        for cell in members:
+            why.setdefault(cell, kind)
+    rule = (
+        f"Of {len(names)} cells, {len(why)} are drawn: by the median over controllers of the steady "
+        f"error the {EACH} worst, {EACH} in the middle and {EACH} best, and the {EACH} in which most "
+        "runs ended early or have no result."
+    )
+    return Selection(list(why), why, rule)

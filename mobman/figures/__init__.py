@@ -1,0 +1,1 @@
+"""Charts of runs: described once, shown in a page, and written as SVG, PDF and PNG."""

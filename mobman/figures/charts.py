@@ -1,0 +1,481 @@
+"""Charts as Vega-Lite specifications, made by Altair: shared parts, and curves against time.
+
+Texts of others are values of the data, titles and descriptions only: never a field's name, a format
+or an expression.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple, TypeAlias
+
+import altair as alt
+import numpy as np
+from numpy.typing import NDArray
+
+from mobman.arrays import Array
+from mobman.figures.looks import Look, looks_of, motor_looks
+from mobman.printable import printable
+
+Spec: TypeAlias = dict[str, Any]
+FLOOR = 1e-12
+"""Smallest error that is drawn (m): what is below it is rounding."""
+GREY = "#8a8f96"
+_PARTS = 3  # axes of motors of like size
+
+
+class Curve(NamedTuple):
+    """A thinned curve against time, with where it ended early (NaN if it did not)."""
+
+    label: str
+    t: Array
+    values: Array
+    end: float = math.nan
+
+
+# Parts of every chart --------------------------------------------------------------------------------
+
+
+def figure(chart: Any, title: str, **data: Sequence[Mapping[str, Any]]) -> Spec:
+    """Make a chart with named data a specification that holds the data.
+
+    Args:
+        chart: The chart; its data are named.
+        title: Of the figure, for those who cannot see it.
+        data: Rows by name.
+    """
+    spec = chart.to_dict()
+    spec.pop("config", None)
+    return filled(spec, title, **data)
+
+
+def filled(spec: Spec, title: str, **data: Sequence[Mapping[str, Any]]) -> Spec:
+    """Copy a specification, with its named data put in; see :func:`figure`."""
+    spec = copy.deepcopy(spec)
+    spec["description"] = printable(title)
+    for part in (spec, *spec.get("layer", ())):
+        name = part.get("data", {}).get("name")
+        if name is not None:
+            part["data"] = {"values": [_plain(row) for row in data.get(name, ())]}
+    return spec
+
+
+def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: _value(value) for key, value in row.items()}
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_value(item) for item in value]
+    # four digits are more than can be seen
+    return float(f"{value:.4g}") if math.isfinite(value) else None
+
+
+def layered(
+    *layers: alt.Chart, data: str, height: float, zoom: str = "", legend: bool = True
+) -> Any:
+    """Layer charts of named data, with a legend whose names can be clicked.
+
+    Args:
+        layers: The layers.
+        data: Name of the data of those that have none of their own.
+        height: Of the panel (px).
+        zoom: Axes that can be moved and zoomed: ``"x"``, ``"xy"``; none by default.
+        legend: False if there is no legend.
+    """
+    chart = alt.layer(*layers, data=alt.NamedData(data)).properties(
+        width="container", height=height
+    )
+    params = [_pick()] if legend else []
+    if zoom:
+        # the plain wheel is for scrolling the page
+        encodings: Any = list(zoom)
+        params.append(
+            alt.selection_interval(
+                name="zoom", bind="scales", encodings=encodings, zoom="wheel![event.shiftKey]"
+            )
+        )
+    return chart.add_params(*params)
+
+
+def _pick() -> alt.Parameter:
+    return alt.selection_point(name="pick", fields=["label"], bind="legend", toggle="true")
+
+
+def own(name: str) -> alt.Chart:
+    """Make a layer with data of its own, by their name."""
+    return alt.Chart(alt.NamedData(name))
+
+
+def inherited() -> alt.Chart:
+    """Make a layer with the data of the whole."""
+    return alt.Chart()
+
+
+def looked(
+    looks: Mapping[str, Look], *, line: bool = False, marker: bool = False, legend: bool = True
+) -> dict[str, Any]:
+    """Make the encodings that give each label its look, and fade those that are not picked.
+
+    Args:
+        looks: By label.
+        line: True for dashes and widths.
+        marker: True for markers.
+        legend: False for no legend, and nothing to pick.
+    """
+    scales = _scales(looks)
+    wanted = {"color": alt.Color, **({"shape": alt.Shape} if marker else {})}
+    wanted |= {"strokeDash": alt.StrokeDash, "strokeWidth": alt.StrokeWidth} if line else {}
+    more: dict[str, Any] = {} if legend else {"legend": None}
+    found: dict[str, Any] = {
+        channel: kind(
+            field="label", type="nominal", title=None, scale=alt.Scale(**scales[channel]), **more
+        )
+        for channel, kind in wanted.items()
+    }
+    if legend:
+        found["opacity"] = alt.condition(_pick(), alt.value(1.0), alt.value(0.06))
+    return found
+
+
+def _scales(looks: Mapping[str, Look]) -> dict[str, dict[str, Any]]:
+    """Make the scales by which labels have their looks, by encoding channel."""
+    domain = [printable(label) for label in looks]
+    ranges: dict[str, list[Any]] = {
+        "color": [look.colour for look in looks.values()],
+        "strokeDash": [list(look.dashes) for look in looks.values()],
+        "strokeWidth": [look.width for look in looks.values()],
+        "shape": [look.marker for look in looks.values()],
+    }
+    return {k: {"type": "ordinal", "domain": domain, "range": v} for k, v in ranges.items()}
+
+
+def log_axis(
+    low: float, high: float, title: str | None, end: float | None = None
+) -> dict[str, Any]:
+    """Make title, scale and axis of a logarithmic encoding, with few round ticks.
+
+    Args:
+        low: Where it begins.
+        high: Where it ends.
+        title: Of the axis.
+        end: Where failures are drawn, beyond ``high``.
+    """
+    first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
+    step = max(1, math.ceil((last - first + 1) / 7))
+    ticks = [10.0**k for k in range(first, last + 1) if k % step == 0]
+    if last - first < 2:
+        near = [f * 10.0**k for k in range(first - 1, last + 1) for f in (1.0, 2.0, 5.0)]
+        ticks = [tick for tick in near if low <= tick <= high * (1.0 + 1e-9)]
+    label = "replace(datum.label, '+', '')"  # 1e0, not 1e+0
+    if end is not None:
+        ticks, label = [*ticks, end], f"datum.value > {high * 1.01:.6g} ? '∞' : {label}"
+    axis: dict[str, Any] = {
+        "values": ticks,
+        "format": "~g" if low > 1e-3 and high < 1e5 else "~e",
+        "labelExpr": label,
+    }
+    scale = alt.Scale(type="log", domain=[low, high if end is None else 2.5 * end], nice=False)
+    return {"title": title, "scale": scale, "axis": alt.Axis(**axis)}
+
+
+def decades(values: Iterable[float], floor: float = FLOOR) -> tuple[float, float]:
+    """Find the powers of ten around some values, not below the floor; one decade at least."""
+    found = np.asarray(list(values), dtype=float)
+    found = found[np.isfinite(found) & (found > 0.0)]
+    if not len(found):
+        return floor, 1.0
+    low = max(math.floor(math.log10(found.min()) + 1e-9), round(math.log10(floor)))
+    high = min(max(math.ceil(math.log10(found.max()) - 1e-9), low + 1), 300)
+    return 10.0**low, 10.0**high
+
+
+def line_at(name: str, channel: str, **mark: Any) -> alt.Chart:
+    """Make a layer of dotted lines through the panel, at the field ``at`` of its own data."""
+    mark = {"strokeDash": [2, 3], "color": GREY, **mark}
+    place: Any = {channel: alt.X("at:Q") if channel == "x" else alt.Y("at:Q")}
+    chart: alt.Chart = own(name).mark_rule(**mark).encode(**place)
+    return chart
+
+
+# Curves against time -------------------------------------------------------------------------------
+
+
+def thin(t: Array, values: Array, columns: int = 500) -> tuple[Array, Array]:
+    """Keep the least and the largest value in each of some columns, in their order in time.
+
+    Unlike every n-th sample this keeps what chatters as wide as it is. Samples that are not finite
+    stay as gaps.
+
+    Args:
+        t: Increasing, shape (n,).
+        values: Shape (n,).
+        columns: How many columns the whole of t is divided into, at most.
+    """
+    n = len(t)
+    if n <= 2 * columns:
+        return t, values
+    wide = -(-n // columns)
+    rows = -(-n // wide)
+    padded = np.full(rows * wide, np.nan)
+    padded[:n] = values
+    block = padded.reshape(rows, wide)
+    finite = np.isfinite(block)
+    first = wide * np.arange(rows)
+    some = finite.any(axis=1)
+    least = first + np.where(finite, block, np.inf).argmin(axis=1)
+    largest = first + np.where(finite, block, -np.inf).argmax(axis=1)
+    # what fills the last row up is a gap too, but not one of the curve's
+    gaps = (first + finite.argmin(axis=1))[~finite.all(axis=1)]
+    kept = np.unique(np.concatenate([[0, n - 1], least[some], largest[some], gaps[gaps < n]]))
+    return t[kept], values[kept]
+
+
+def _bends(t: Array, values: Array, height: float) -> NDArray[np.intp]:
+    """Indices of the samples without which the curve would look different, to 0.1 % of its height."""
+    kept = np.arange(len(t))
+    for _ in range(7):
+        if len(kept) < 3:
+            break
+        x, y = t[kept], values[kept]
+        line = y[:-2] + (y[2:] - y[:-2]) * (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+        bent = ~(np.abs(y[1:-1] - line) <= 1e-3 * height)  # gaps, which are not finite, are kept
+        bent[1::2] = True  # of two neighbours one stays
+        kept = kept[np.concatenate([[True], bent, [True]])]
+    return kept
+
+
+@cache
+def _against_time(log: bool) -> Spec:
+    """Make the chart of curves against time, without data, looks and limits of the axes.
+
+    Altair takes a tenth of a second for a chart, and a report has hundreds of this one.
+    """
+    x = alt.X("t:Q", title="t  (s)", scale=alt.Scale(domain=[0, 1], nice=False))
+    y: Any = alt.Y("y:Q", scale=alt.Scale(domain=[-1, 1], nice=False))
+    if log:
+        y = alt.Y("y:Q", **log_axis(1e-12, 1.0, ""))
+    look = looked({}, line=True)
+    steady = own("steady").mark_rect(color=GREY, opacity=0.09).encode(x=alt.X("from:Q"), x2="to:Q")
+    lines = inherited().transform_flatten(["t", "y"]).mark_line(clip=True).encode(x=x, y=y, **look)
+    # lines tell nothing of single points: invisible ones do
+    hover = inherited().transform_flatten(["t", "y"]).mark_point(opacity=0, size=90, clip=True)
+    hover = hover.encode(
+        x="t:Q",
+        y="y:Q",
+        tooltip=[
+            alt.Tooltip("label:N", title="curve"),
+            alt.Tooltip("t:Q", title="t (s)", format=".4~g"),
+            alt.Tooltip("y:Q", title="value", format=".4~g"),
+        ],
+    ).properties(name="hover")
+    ends = own("ends").mark_point(shape="cross", angle=45, filled=True, size=70, clip=True)
+    ends = ends.encode(x="t:Q", y="y:Q", color=look["color"], tooltip=["ended:N"])
+    marks, stop = line_at("marks", "y"), line_at("stop", "x", strokeDash=[1, 0])
+    chart = layered(steady, marks, stop, lines, ends, hover, data="curves", height=1, zoom="x")
+    spec: Spec = chart.to_dict()
+    spec.pop("config", None)
+    return spec
+
+
+def time_chart(
+    curves: Sequence[Curve],
+    looks: Mapping[str, Look],
+    *,
+    title: str,
+    axis: str,
+    duration: float,
+    log: bool = True,
+    limits: tuple[float, float] | None = None,
+    steady: float | None = None,
+    mark: float | None = None,
+    stop: float = math.nan,
+    heading: str = "",
+    height: float = 240.0,
+) -> Spec:
+    """Draw curves against time, the thinner above the wider.
+
+    Args:
+        curves: The curves.
+        looks: By label.
+        title: Of the figure.
+        axis: Title of the vertical axis.
+        duration: Where the axis of time ends (s).
+        log: True for a logarithmic axis.
+        limits: Of the vertical axis; by default around all values.
+        steady: Where the steady part begins (s), which is shaded.
+        mark: Value of a dotted line.
+        stop: Where a vertical line shows that all ended (s).
+        heading: Words above the panel.
+        height: Of the panel (px).
+    """
+    shown = {label: looks[label] for label in looks if any(c.label == label for c in curves)}
+    values = [c.values[np.isfinite(c.values)] for c in curves]
+    every = np.concatenate([*values, np.zeros(0)])
+    low, high = limits or (decades(every) if log else _around(every))
+    rows, ends = [], []
+    for curve in sorted(curves, key=lambda c: looks[c.label].depth):
+        drawn = np.maximum(curve.values, low) if log else curve.values
+        seen = _bends(
+            curve.t,
+            np.log10(drawn) if log else drawn,
+            math.log10(high / low) if log else high - low,
+        )
+        rows.append({"label": curve.label, "t": curve.t[seen], "y": drawn[seen]})
+        finite = drawn[np.isfinite(drawn)]
+        if math.isfinite(curve.end) and (not log or len(finite)):
+            y = float(np.clip(finite[-1] if len(finite) else 0.0, low, high))
+            words = f"{curve.label} ended at {curve.end:.4g} s"
+            ends.append({"label": curve.label, "t": curve.end, "y": y, "ended": words})
+    found = filled(
+        _against_time(log),
+        title,
+        curves=rows,
+        ends=ends,
+        steady=[] if steady is None else [{"from": steady, "to": duration}],
+        marks=[{"at": mark}] if mark is not None and low < mark < high else [],
+        stop=[{"at": min(stop, duration)}] if math.isfinite(stop) else [],
+    )
+    if heading:
+        found["title"] = printable(heading)
+    found["height"] = height
+    for layer in found["layer"]:
+        encoding, scales = layer["encoding"], _scales(shown)
+        for channel in scales.keys() & encoding.keys():
+            encoding[channel]["scale"] = scales[channel]
+        if layer["mark"]["type"] == "line":
+            encoding["x"]["scale"]["domain"] = [0, duration]
+            encoding["y"] |= {
+                "title": axis,
+                "scale": {**encoding["y"]["scale"], "domain": [low, high]},
+            }
+            if log:
+                encoding["y"]["axis"] = log_axis(low, high, "")["axis"].to_dict()
+    return found
+
+
+def _around(values: Array) -> tuple[float, float]:
+    low, high = min(values.min(initial=0.0), 0.0), max(values.max(initial=0.0), 0.0)
+    margin = 0.05 * (high - low) or 1.0
+    return float(low - margin), float(high + margin)
+
+
+def motors_by_size(torque: Array) -> list[list[int]]:
+    """Group columns of torque that can share an axis, the largest first, in three parts at most.
+
+    The largest of a part is no more than eight times its smallest, but for the last part; idle
+    motors join the last, and the order within a part is that of the columns.
+    """
+    if len(torque) == 0:
+        return [list(range(torque.shape[1]))]
+    sizes = np.abs(np.where(np.isfinite(torque), torque, 0.0)).max(axis=0)
+    parts: list[list[int]] = []
+    largest = math.inf
+    for motor in np.argsort(-sizes, kind="stable"):
+        new = sizes[motor] < largest / 8.0 and sizes[motor] > 0.0 and len(parts) < _PARTS
+        if not parts or new:
+            parts.append([])
+            largest = sizes[motor]
+        parts[-1].append(int(motor))
+    return [sorted(part) for part in parts]
+
+
+def torque_charts(
+    t: Array,
+    torque: Array,
+    names: Sequence[str],
+    *,
+    title: str,
+    duration: float,
+    end: float = math.nan,
+    columns: int = 250,
+    together: bool = False,
+    heading: str = "",
+) -> list[Spec]:
+    """Draw the torques of a run against time, motors of like size on one axis.
+
+    Args:
+        t: Time (s).
+        torque: By motor, in columns.
+        names: Of the motors.
+        title: Of the figure.
+        duration: Where the axis of time ends (s).
+        end: When the run ended early (s).
+        columns: How many columns a curve is thinned to.
+        together: True to draw all motors on one axis.
+        heading: Words above the first panel.
+    """
+    looks = motor_looks(names)
+    charts: list[Spec] = []
+    for motors in [[*range(len(names))]] if together else motors_by_size(torque):
+        values = torque[:, motors]
+        finite = np.abs(values[np.isfinite(values)])
+        limits = None
+        if math.isfinite(end) and finite.size >= 20:
+            # the blow-up of a diverging run must not hide what led to it
+            bound = 1.2 * float(np.quantile(finite, 0.97))
+            if 0.0 < 3.0 * bound < finite.max():
+                limits = (-bound, bound)
+        curves = []
+        for motor in motors:
+            some = torque[:, motor]
+            drawn = np.where(np.isfinite(some), some, np.nan)
+            curves.append(Curve(names[motor], *thin(t, drawn, columns)))
+        spec = time_chart(
+            curves,
+            looks,
+            title=title,
+            axis="v  (N m or N)",
+            duration=duration,
+            log=False,
+            limits=limits,
+            stop=end,
+            heading="" if charts else heading,
+            height=150.0,
+        )
+        charts.append(spec)
+    return charts
+
+
+def run_charts(
+    t: Array,
+    errors: Mapping[str, Array],
+    torque: Array,
+    names: Sequence[str],
+    *,
+    law: str,
+    title: str,
+    ended: bool,
+) -> list[Spec]:
+    """Draw a run against time: norms of errors, and torques.
+
+    Args:
+        t: Time (s).
+        errors: Errors in columns, by the title of their axis.
+        torque: By motor, in columns.
+        names: Of the motors.
+        law: Of its controller, whose colour it has.
+        title: Of the figure.
+        ended: True if it ended early.
+    """
+    duration = float(t[-1]) if len(t) and t[-1] > 0.0 else 1.0
+    end = duration if ended else math.nan
+    looks = looks_of({law: law})
+    charts: list[Spec] = []
+    for axis, values in errors.items():
+        with np.errstate(over="ignore", invalid="ignore"):
+            size = np.asarray(np.linalg.norm(values, axis=1))
+        x, y = thin(t, np.where(np.isfinite(size), np.maximum(size, FLOOR), np.nan))
+        curves = [Curve(law, x, y, end)]
+        heading = "" if charts else title
+        words = f"{axis} against time: {title}"
+        charts.append(
+            time_chart(curves, looks, title=words, axis=axis, duration=duration, heading=heading)
+        )
+    words = f"Torques against time: {title}"
+    return charts + torque_charts(t, torque, names, title=words, duration=duration, end=end)

@@ -1,0 +1,229 @@
+"""Charts in files: SVG, PDF and PNG without a browser, and pages that need no network."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from html import escape
+from importlib import metadata
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from mobman.errors import MobmanError, UsageError
+from mobman.figures.charts import GREY, Spec
+from mobman.files import temporary_beside
+from mobman.printable import printable
+
+SUFFIXES = (".html", ".pdf", ".png", ".svg")
+_WIDTH = 720.0  # px, of a figure in a file
+_LEGENDS = {"color", "shape", "strokeDash", "strokeWidth"}
+_EXPORT = "window.vegaEmbed = vegaEmbed"
+# Said in the page itself: it loads nothing and sends nothing, whatever texts it holds.
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "img-src data: blob:"
+)
+
+
+def config(ink: str, soft: str, line: str) -> dict[str, Any]:
+    """Make Vega-Lite's configuration for a page's colours."""
+    colours = {"labelColor": soft, "titleColor": ink}
+    words = {**colours, "titleFontWeight": "normal", "titleFontSize": 12, "labelFontSize": 11}
+    symbols = {"symbolSize": 70, "symbolOpacity": 1}
+    lines = {"domainColor": soft, "tickColor": soft, "gridColor": line}
+    return {
+        "background": None,
+        "font": "system-ui, 'Liberation Sans', Arial, sans-serif",
+        "axis": {**words, **lines, "labelLimit": 320},
+        "legend": {**words, **symbols, "orient": "top", "labelLimit": 240},
+        "title": {"color": ink, "fontSize": 12, "fontWeight": 600, "anchor": "start"},
+        "view": {"stroke": line},
+        "text": {"color": ink},
+    }
+
+
+CONFIGS = {
+    "light": config("#1c1e21", "#5a6068", "#e1e3e6"),
+    "dark": config("#e6e8ea", "#a4abb3", "#30343a"),
+}
+_PRINTED = {**CONFIGS["light"], "background": "white"}
+
+
+def beside(specs: Sequence[Spec], *, across: bool = False) -> Spec:
+    """Put charts into one figure for a file, below each other or across."""
+    width = 0.5 * _WIDTH - 30.0 if across else _WIDTH
+    charts = [_still(spec, width, "bottom" if across else "top") for spec in specs]
+    seen: list[Any] = []
+    for chart in charts:  # a legend that is there already is not repeated
+        legends = [layer["encoding"].get("color", {}) for layer in chart["layer"]]
+        names = [legend.get("scale") for legend in legends if "legend" in legend]
+        if names in seen:
+            for encoding in (layer["encoding"] for layer in chart["layer"]):
+                for channel in _LEGENDS & encoding.keys():
+                    encoding[channel]["legend"] = None
+        seen.append(names)
+    alone = dict.fromkeys(_LEGENDS, "independent")
+    return {
+        "hconcat" if across else "vconcat": charts,
+        "spacing": 20,
+        "resolve": {"scale": alone, "legend": alone},
+    }
+
+
+def _still(spec: Spec, width: float, orient: str = "top") -> Spec:
+    """Take away what only a page can show: names to click, values under the pointer, zoom."""
+    if "layer" not in spec:
+        return spec
+    spec = {k: v for k, v in copy.deepcopy(spec).items() if k not in ("params", "$schema")}
+    spec["width"] = width
+    spec["layer"] = [layer for layer in spec["layer"] if layer.get("name") != "hover"]
+    for encoding in (layer["encoding"] for layer in spec["layer"]):
+        encoding.pop("tooltip", None)
+        if "param" in encoding.get("opacity", {}).get("condition", {}):
+            del encoding["opacity"]
+        for channel in _LEGENDS & encoding.keys():
+            if encoding[channel].get("legend", 1) is not None and "field" in encoding[channel]:
+                legend = {"columns": max(1, int(width / 165.0)), "orient": orient}
+                encoding[channel]["legend"] = legend
+    return spec
+
+
+def drawn(spec: Spec, kind: str) -> bytes:
+    """Draw a chart on white as ``"svg"``, ``"pdf"`` or ``"png"``."""
+    import vl_convert
+
+    spec = {**_still(spec, _WIDTH), "padding": 8}
+    options: dict[str, Any] = {
+        "config": {k: v for k, v in CONFIGS["light"].items() if k != "background"}
+    }
+    if kind == "png":
+        options["scale"] = 2.0
+    try:
+        found = getattr(vl_convert, f"vegalite_to_{kind}")(spec, allowed_base_urls=[], **options)
+    except ValueError as error:
+        raise MobmanError(f"cannot draw the figure: {str(error).splitlines()[0]}") from error
+    return found.encode() if isinstance(found, str) else bytes(found)
+
+
+def displayed(specs: Sequence[Spec]) -> Any:
+    """Make one chart of Altair of several, which notebooks show."""
+    import altair as alt
+
+    return alt.Chart.from_dict({**beside(specs), "config": _PRINTED})
+
+
+def save(path: Path, specs: Sequence[Spec], title: str) -> Path:
+    """Write charts to one file, whole or not at all, in the form that its suffix names.
+
+    Raises:
+        UsageError: If the suffix is none of :data:`SUFFIXES`.
+        MobmanError: If the file cannot be written.
+    """
+    kind = path.suffix.lower()
+    if kind not in SUFFIXES:
+        allowed = ", ".join(SUFFIXES)
+        raise UsageError(
+            f"cannot write a figure to {path.name}: the suffix must be one of {allowed}"
+        )
+    if kind == ".html":
+        content = page(specs, title).encode("utf-8", "backslashreplace")
+    else:
+        content = drawn(beside(specs), kind[1:])
+    write_all({path: content})
+    return path
+
+
+def write_all(contents: Mapping[Path, bytes]) -> None:
+    """Write files to temporary names, then give them their own: all of them are whole.
+
+    Raises:
+        MobmanError: If one cannot be written.
+    """
+    temporary = {path: temporary_beside(path) for path in contents}
+    try:
+        for path, content in contents.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary[path].write_bytes(content)
+        for path in contents:
+            os.replace(temporary[path], path)
+    except OSError as error:
+        raise MobmanError(f"cannot write {error.filename}: {error.strerror or error}") from error
+    finally:
+        for path in temporary.values():
+            try:
+                path.unlink(missing_ok=True)
+            except OSError:  # its folder could not be made
+                continue
+
+
+# Pages ---------------------------------------------------------------------------------------------
+
+
+def element(spec: Spec) -> str:
+    """Make the element of a page in which :func:`scripts` draws a chart."""
+    label = escape(str(spec.get("description", "")), quote=True)
+    return (
+        f'<div class="chart" role="img" aria-label="{label}">'
+        f'<script type="application/json">{json_text(spec)}</script></div>'
+    )
+
+
+def json_text(content: Any) -> str:
+    """Write JSON so that it cannot end the script that it stands in."""
+    text = json.dumps(content, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return re.sub("[<>&\u2028\u2029]", lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def scripts() -> str:
+    """Vega, once for the whole page, and what draws the charts that come into sight."""
+    own = (files("mobman.figures") / "charts.js").read_text(encoding="utf-8")
+    own = own.replace("CONFIGS", json_text(CONFIGS))
+    return f"<script>{_vega()}</script>\n<script>{own}</script>"
+
+
+@cache
+def _vega() -> str:
+    """Bundle Vega's script; it takes seconds, so that it is kept in the user's cache."""
+    import vl_convert
+
+    path = (
+        platformdirs.user_cache_path("mobman") / f"vega-{metadata.version('vl-convert-python')}.js"
+    )
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        found = re.sub("</(?=script)", r"<\\/", vl_convert.javascript_bundle(_EXPORT), flags=re.I)
+    with suppress(MobmanError):  # a cache that cannot be written is none
+        write_all({path: found.encode()})
+    return found
+
+
+def page(specs: Sequence[Spec], title: str) -> str:
+    """Make a page of charts that needs no network."""
+    words = escape(printable(title))
+    style = (
+        ":root{color-scheme:light dark}body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;"
+        f"max-width:60rem;padding:0 1rem}}.chart{{width:100%}}.note{{color:{GREY}}}"
+    )
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{words}</title>\n<style>{style}</style>\n</head>\n<body>\n<h1>{words}</h1>\n"
+        + "\n".join(map(element, specs))
+        + f'\n<p class="note">{HELP}</p>\n{scripts()}\n</body>\n</html>\n'
+    )
+
+
+HELP = (
+    "Point at a curve for its values; click a name to hide the others, or more names to compare; drag "
+    "to move, turn the wheel with Shift to zoom, double-click for the whole."
+)
