@@ -263,14 +263,17 @@ def summary_table(results: Results, group: str) -> Table:
     cells = results.cells[results.cells.group == group]
     runs = results.runs[results.runs.cell.isin(cells.index)]
     labels = [label for label in results.labels if (runs.label == label).any()]
-    members = dict(list(runs.groupby(["cell", "label"], sort=False)))
+    # frames of single entries would take minutes: a large suite has tens of thousands
+    members: dict[tuple[int, str], list[Any]] = {}
+    for run in runs.itertuples():
+        members.setdefault((run.cell, run.label), []).append(run)
     entries: dict[tuple[int, str], Entry] = {}
     for cell in cells.index:
         own = {label: members[cell, label] for label in labels if (cell, label) in members}
-        errors = [found.error.max() for found in own.values() if (found.state == DONE).all()]
-        best = number(min(errors, default=math.nan))
+        whole = [found for found in own.values() if all(run.state == DONE for run in found)]
+        best = number(min((max(run.error for run in found) for found in whole), default=math.nan))
         for label in labels:
-            entries[cell, label] = _outcome(own.get(label), best)
+            entries[cell, label] = _outcome(own.get(label, []), best)
     tried = runs[runs.state != NOT_RUN].groupby("label").succeeded.agg(["sum", "size"])
     totals = []
     for won, n in (tuple(tried.reindex(labels, fill_value=0).loc[label]) for label in labels):
@@ -292,19 +295,19 @@ def summary_table(results: Results, group: str) -> Table:
     return table_of(caption, "scenario", rows, *map(label_entry, labels))
 
 
-def _outcome(runs: pd.DataFrame | None, best: str) -> Entry:
+def _outcome(runs: Sequence[Any], best: str) -> Entry:
     """Say how a controller did in a cell."""
-    if runs is None:
+    if not runs:
         return Entry("not requested", "faint")
-    lost, failed = runs[runs.state != DONE], runs[runs.state == "failed"]
-    early = runs[(runs.state == DONE) & ~runs.ok]
-    if len(failed) or (len(lost) and not len(early)):
-        return lost_entry((failed if len(failed) else lost).iloc[0])
-    if len(early):
+    lost = sorted((run for run in runs if run.state != DONE), key=lambda run: run.state == NOT_RUN)
+    early = [run for run in runs if run.state == DONE and not run.ok]
+    if lost and (lost[0].state != NOT_RUN or not early):
+        return lost_entry(lost[0])
+    if early:
         some = f" ({len(early)} of {len(runs)} seeds)" if len(runs) > 1 else ""
-        return Entry(f"{ending(early.iloc[0])}{some}", "bad", early.iloc[0].message)
-    error = number(runs.error.max())
-    if runs.succeeded.all():
+        return Entry(f"{ending(early[0])}{some}", "bad", early[0].message)
+    error = number(max(run.error for run in runs))
+    if all(run.succeeded for run in runs):
         return _best(error, error == best)
     return Entry(error, "bad", "|e^e| did not settle below 1e-4 m")
 
