@@ -14,6 +14,7 @@ import numpy as np
 
 from mobman.arrays import Array, Index
 from mobman.errors import MobmanError, SpecError, UsageError
+from mobman.figures.looks import LAWS, looks_of
 from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import as_spec, find_spec, list_robots, registered_as
@@ -27,8 +28,6 @@ from mobman.viewer.robot import Primitive, robot_points, robot_scene
 
 Layout = Literal["overlay", "side-by-side"]
 LAYOUTS: tuple[Layout, Layout] = ("overlay", "side-by-side")
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c564b")
-"""Colours of runs; the first can be distinguished with any colour vision (Okabe and Ito)."""
 _FIELDS = ("robot", "controller", "task", "scenario", "seed", "status", "message")
 """Fields of a record that the page shows."""
 FRAMES_PER_SECOND = 60.0
@@ -171,7 +170,7 @@ class ShownRun:
 def scene_of_robot(robot: MobileManipulator) -> Scene:
     """Show a robot at rest, to be moved by hand."""
     info = {"robot": robot.name, "description": robot.spec.description}
-    run = {"label": robot.name, "motion": None, "info": info}
+    run = {"label": robot.name, "colour": LAWS["tsm"], "motion": None, "info": info}
     return _scene(robot.name, [(run, robot)], [robot_points(robot, robot.q_rest)])
 
 
@@ -202,7 +201,10 @@ def scene_of_runs(
         raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
     records = [run.record for run in runs]
     shown, motions, extents, warnings = [], [], [], []
-    for run, label in zip(runs, labels(records, [run.name for run in runs]), strict=True):
+    # a run has the colour of its law, of several runs of one law the first
+    looks = looks_of({str(i): record.controller for i, record in enumerate(records)}).values()
+    names = labels(records, [run.name for run in runs])
+    for run, label, look in zip(runs, names, looks, strict=True):
         record, robot, problem = run.record, run.robot, None
         if not len(record.t):
             raise UsageError(f"run {run.name!r} has no samples")
@@ -216,9 +218,10 @@ def scene_of_runs(
         moved = motion(record, robot, runs=len(runs))
         motions.append(moved)
         extents.append(_extent(moved, robot))
-        content = (moved.begun() if live else moved).described()
+        frames = (moved.begun() if live else moved).described()
         info["problem"] = problem if robot is None else None
-        shown.append(({"label": label, "motion": content, "info": info}, robot))
+        content = {"label": label, "colour": look.colour, "motion": frames, "info": info}
+        shown.append((content, robot))
     duration = max(float(moved.t[-1]) for moved in motions)
     if time is None:
         time = duration if len(runs) == 1 and records[0].status != "ok" else 0.0
@@ -260,7 +263,7 @@ def _scene(
                 told += problems
             place = list(robots).index(key)
         offset = [(i - 0.5 * (len(runs) - 1)) * widest, 0.0]
-        run |= {"robot": place, "colour": _COLOURS[i % len(_COLOURS)], "offset": offset}
+        run |= {"robot": place, "offset": offset}
     points = np.vstack(extents)
     content = {
         "title": title,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mobman as mm
+from mobman.figures.looks import LAWS
 from mobman.viewer.scene import labels
 from mobman.viewer.view import make_scene
 from tests.support.poses import largest_difference
@@ -62,6 +63,17 @@ def test_runs_of_one_robot_share_its_shapes(pair):
     assert len(two.content["robots"]) == 1
     assert len(two.content["geometries"]) == len(one.content["geometries"])
     assert len({run["colour"] for run in two.content["runs"]}) == 2
+
+
+def test_a_run_has_the_colour_of_its_law(pair):
+    def colours(*laws):
+        runs = [dataclasses.replace(pair[0], controller=law) for law in laws]
+        return [run["colour"] for run in make_scene(runs).content["runs"]]
+
+    assert colours("pseudo-inverse", "tsm") == [LAWS["pseudo-inverse"], LAWS["tsm"]]
+    first, second, third = colours("tsm", "tsm", "mine")
+    assert first == LAWS["tsm"]
+    assert len({first, second, third}) == 3
 
 
 def test_layout_is_where_the_page_begins(pair):
