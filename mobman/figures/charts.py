@@ -82,7 +82,7 @@ def layered(
     """Layer charts of named data, with a legend whose names can be clicked.
 
     Args:
-        layers: The layers.
+        layers: The layers, first one with the looks, whose legend it is.
         data: Name of the data of those that have none of their own.
         height: Of the panel (px).
         zoom: Axes that can be moved and zoomed: ``"x"``, ``"xy"``; none by default.
@@ -153,6 +153,25 @@ def _scales(looks: Mapping[str, Look]) -> dict[str, dict[str, Any]]:
         "shape": [look.marker for look in looks.values()],
     }
     return {k: {"type": "ordinal", "domain": domain, "range": v} for k, v in ranges.items()}
+
+
+def hovered(base: alt.Chart, x: str, y: str) -> Any:
+    """Make the layer that shows the point of a curve nearest to the pointer, and its data."""
+    near = alt.selection_point(
+        name="near",
+        nearest=True,
+        fields=["label", x],
+        on="pointerover",
+        clear="pointerout",
+        empty=False,
+    )
+    shown: Any = alt.condition(near, alt.value(1.0), alt.value(0.0))
+    # Vega-Lite looks for texts of encoded tooltips in the wrong place if the nearest point is shown
+    points = base.mark_point(
+        filled=True, size=55, color=GREY, clip=True, tooltip={"content": "data"}
+    )
+    points = points.encode(x=f"{x}:Q", y=f"{y}:Q", opacity=shown)
+    return points.properties(name="hover").add_params(near)
 
 
 def log_axis(
@@ -239,7 +258,7 @@ def thin(t: Array, values: Array, columns: int = 500) -> tuple[Array, Array]:
 def _bends(t: Array, values: Array, height: float) -> NDArray[np.intp]:
     """Indices of the samples without which the curve would look different, to 0.1 % of its height."""
     kept = np.arange(len(t))
-    for _ in range(7):
+    for _ in range(4):
         if len(kept) < 3:
             break
         x, y = t[kept], values[kept]
@@ -263,21 +282,11 @@ def _against_time(log: bool) -> Spec:
     look = looked({}, line=True)
     steady = own("steady").mark_rect(color=GREY, opacity=0.09).encode(x=alt.X("from:Q"), x2="to:Q")
     lines = inherited().transform_flatten(["t", "y"]).mark_line(clip=True).encode(x=x, y=y, **look)
-    # lines tell nothing of single points: invisible ones do
-    hover = inherited().transform_flatten(["t", "y"]).mark_point(opacity=0, size=90, clip=True)
-    hover = hover.encode(
-        x="t:Q",
-        y="y:Q",
-        tooltip=[
-            alt.Tooltip("label:N", title="curve"),
-            alt.Tooltip("t:Q", title="t (s)", format=".4~g"),
-            alt.Tooltip("y:Q", title="value", format=".4~g"),
-        ],
-    ).properties(name="hover")
+    hover = hovered(inherited().transform_flatten(["t", "y"]), "t", "y")
     ends = own("ends").mark_point(shape="cross", angle=45, filled=True, size=70, clip=True)
     ends = ends.encode(x="t:Q", y="y:Q", color=look["color"], tooltip=["ended:N"])
     marks, stop = line_at("marks", "y"), line_at("stop", "x", strokeDash=[1, 0])
-    chart = layered(steady, marks, stop, lines, ends, hover, data="curves", height=1, zoom="x")
+    chart = layered(lines, steady, marks, stop, ends, hover, data="curves", height=1, zoom="x")
     spec: Spec = chart.to_dict()
     spec.pop("config", None)
     return spec

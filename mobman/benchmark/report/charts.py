@@ -22,6 +22,7 @@ from mobman.figures.charts import (
     Spec,
     decades,
     figure,
+    hovered,
     inherited,
     layered,
     line_at,
@@ -111,7 +112,7 @@ def _strip(
     points = inherited().mark_point(filled=True, size=80).transform_filter("!datum.failed")
     crosses = inherited().transform_filter("datum.failed").mark_point(**_CROSS)
     chart = layered(
-        *(beyond, line_at("marks", "x"), bars),
+        *(bars, beyond, line_at("marks", "x")),
         points.encode(x="x:Q", **y, **look, tooltip=tips),
         crosses.encode(x="x:Q", **y, **colours, tooltip=tips),
         data="rows",
@@ -161,8 +162,7 @@ def _error_against(
     x = alt.X("x:Q", **axis)
     y = alt.Y("y:Q", **log_axis(low, high, _ERROR, end))
     tips = [alt.Tooltip("label:N", title="controller"), alt.Tooltip("value:N")]
-    stairs = own("front").mark_line(interpolate="step-after", color=GREY, strokeWidth=1)
-    layers = [stairs.encode(x="x:Q", y="y:Q", order="x:Q")]
+    layers = []
     if joined:
         # a failure is not joined: it is at no height
         line = inherited().transform_filter("!datum.failed").mark_line()
@@ -174,7 +174,8 @@ def _error_against(
     spots = {**colours, "shape": look["shape"]}
     points = inherited().mark_point(filled=True, size=80).transform_filter("!datum.failed")
     crosses = inherited().transform_filter("datum.failed").mark_point(**_CROSS)
-    layers.append(line_at("marks", "y"))
+    stairs = own("front").mark_line(interpolate="step-after", color=GREY, strokeWidth=1)
+    layers += [stairs.encode(x="x:Q", y="y:Q", order="x:Q"), line_at("marks", "y")]
     layers.append(points.encode(x=x, y=y, **spots, tooltip=tips))
     layers.append(crosses.encode(x=x, y=y, **colours, tooltip=tips))
     chart = layered(*layers, data="rows", height=260.0, zoom="x")
@@ -416,17 +417,11 @@ def _profile(rows: list[dict[str, Any]], looks: Looks, title: str, axis: dict[st
     y = alt.Y("y:Q", title="share of cells", scale=alt.Scale(domain=[0, 1.02], nice=False))
     look = looked(looks, line=True)
     lines = base.mark_line(interpolate="step-after", clip=True).encode(x=x, y=y, **look)
-    tips = [
-        alt.Tooltip("label:N"),
-        alt.Tooltip("x:Q", format=".3~g"),
-        alt.Tooltip("y:Q", format=".0%"),
-    ]
-    hover = base.mark_point(opacity=0, size=90).encode(x="x:Q", y="y:Q", tooltip=tips)
-    layers = [lines, hover.properties(name="hover")]
+    layers = [lines, hovered(base, "x", "y")]
     if "low" in fields:
         band = base.mark_area(interpolate="step-after", opacity=0.1, clip=True)
         band = band.encode(x="x:Q", y="low:Q", y2="high:Q", color=look["color"])
-        layers.insert(0, band)
+        layers.insert(1, band)
     return figure(layered(*layers, data="rows", height=250.0, zoom="x"), title, rows=rows)
 
 
