@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-HEAVY = ("numba", "llvmlite", "scipy", "h5py", "matplotlib", "pinocchio", "numpy", "jinja2")
+HEAVY = ("numba", "llvmlite", "scipy", "h5py", "altair", "pandas", "pinocchio", "numpy", "jinja2")
 
 REPORT = f"""
 print("\\nloaded:", *[name for name in {HEAVY!r} if name in sys.modules])
@@ -43,7 +43,9 @@ def test_command_line_that_computes_nothing(arguments):
 
 
 def test_a_robot_needs_no_files_or_figures():
-    assert not {"h5py", "matplotlib"} & _loaded("import mobman as mm; mm.load_robot('youbot')")
+    assert not {"h5py", "altair", "pandas"} & _loaded(
+        "import mobman as mm; mm.load_robot('youbot')"
+    )
 
 
 def test_the_check_sees_what_is_loaded():

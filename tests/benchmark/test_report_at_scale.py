@@ -315,7 +315,7 @@ def test_sampling_periods_are_cells_and_have_a_figure():
             return None
         assert [k["encoding"]["x"]["scale"]["type"] for k in _lines(figure.charts[0])] == ["log"]
         drawn = figure.charts[0]["data"]["values"]
-        return {(p["label"], p["x"]): math.inf if p["failed"] else p["y"] for p in drawn}
+        return {(p["label"], p["at"]): math.inf if p["failed"] else p["error"] for p in drawn}
 
     a = {("a", 1.0): 1e-6, ("a", 2.0): 4e-6, ("a", 5.0): 25e-6}
     b = {("b", 1.0): 1e-3, ("b", 2.0): 4e-3, ("b", 5.0): math.inf}
@@ -343,7 +343,7 @@ def test_a_number_that_a_grid_sweeps_has_a_figure():
     figure = sensitivity_figure(found, looks_for(found))
     (chart,) = figure.charts
     assert chart["title"] == "payload"
-    drawn = {(p["label"], p["x"]): p["y"] for p in chart["data"]["values"]}
+    drawn = {(p["label"], p["at"]): p["error"] for p in chart["data"]["values"]}
     assert drawn == {(n, v): e * v for v in (0.5, 1.0, 2.0) for n, e in (("a", 1e-6), ("b", 1e-3))}
     words = [{**run, "scenario": run["scenario"].replace("1", "one")} for run in runs]
     assert sensitivity_figure(results_of(words), looks_for(found)) is None
@@ -448,9 +448,8 @@ def results(tmp_path):
     runs = suite.runs()
     store.begin(suite, runs)
     for run in runs:
-        made_up_record(scenario=run.scenario["name"], seed=run.seed, controller=run.law).save(
-            store.path(run)
-        )
+        what = {"scenario": run.scenario["name"], "controller": run.law, "spec": run.as_dict()}
+        made_up_record(seed=run.seed, **what).save(store.path(run))
     store.rebuild_index()
     return store
 

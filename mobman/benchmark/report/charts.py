@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import altair as alt
@@ -68,120 +68,88 @@ def looks_for(results: Results) -> dict[str, Look]:
 # Kinds of charts over cells ------------------------------------------------------------------------
 
 
-def _error_limits(values: Sequence[float]) -> tuple[float, float, float]:
-    """Find the limits of an error axis, and where failures are drawn beyond them."""
-    low, high = decades([max(value, FLOOR) for value in values if math.isfinite(value)])
-    return low / 1.6, high, 10.0 * high
-
-
-def _strip(
-    rows: Sequence[dict[str, Any]], looks: Looks, names: Sequence[str], title: str, height: float
+def _errors(
+    rows: Sequence[dict[str, Any]],
+    looks: Looks,
+    title: str,
+    against: dict[str, Any],
+    *,
+    upright: bool = True,
+    joined: bool = False,
+    front: Sequence[tuple[float, float]] = (),
+    heading: str = "",
+    height: float = 260.0,
 ) -> Spec:
-    """Draw errors on a log axis in rows of names, with intervals; failures beyond the axis.
+    """Draw errors on a log axis against something else; failures are beyond its end.
 
     Args:
-        rows: ``label``, ``name``, ``x``, ``from``, ``to`` and ``value``, in words.
+        rows: ``label``, ``at``, ``error``, and ``value`` in words; with intervals, ``low`` and ``high``
+            of the error, ``from`` and ``to`` of the other.
         looks: By label.
-        names: Of the rows, from above.
         title: Of the figure.
+        against: Encodings of the other axis, by channel.
+        upright: True if errors are on the vertical axis.
+        joined: True to join the points of a label.
+        front: Corners of a staircase.
+        heading: Words above the panel.
         height: Of the panel (px).
     """
-    low, high, end = _error_limits([row[key] for row in rows for key in ("x", "from", "to")])
-    keys = ("x", "from", "to")
-    drawn = [
-        {
-            **row,
-            **{k: min(max(row[k], low), end) for k in keys},
-            "failed": float(row["x"] > high * 9),
-        }
-        for row in rows
+    keys, vertical = ("error", "low", "high"), "y" if upright else "x"
+    rows = [{"low": row["error"], "high": row["error"], **row} for row in rows]
+    found = [max(row[key], FLOOR) for row in rows for key in keys if math.isfinite(row[key])]
+    low, high = decades(found)
+    low, end = low / 1.6, 10.0 * high
+    drawn = []
+    for row in sorted(rows, key=lambda row: looks[row["label"]].depth):
+        limited = {key: float(np.clip(row[key], low, end)) for key in keys}
+        drawn.append({**row, **limited, "failed": float(row["error"] > end)})
+    alone = all(row["label"] == row["at"] for row in rows)  # the names are their legend
+    look = looked(looks, line=joined, marker=True, legend=not alone)
+    lines = {channel: how for channel, how in look.items() if channel != "shape"}
+    colours = {channel: how for channel, how in look.items() if channel in ("color", "opacity")}
+    channel: Any = alt.Y if upright else alt.X
+    error = {vertical: channel("error:Q", **log_axis(low, high, _ERROR, end))}
+    good = inherited().transform_filter("!datum.failed")  # of failures there is no height
+    if joined:
+        layers = [good.mark_line().encode(**error, **against, **lines)]
+    else:
+        spread = {vertical: channel("low:Q"), f"{vertical}2": "high:Q"}
+        layers = [inherited().mark_rule(strokeWidth=3).encode(**spread, **against, **colours)]
+    if rows and "from" in rows[0]:
+        bars = inherited().mark_rule(strokeWidth=3)
+        layers.append(bars.encode(x=alt.X("from:Q"), x2="to:Q", **error, **colours))
+    zoned: dict[str, Any] = {vertical: channel("from:Q"), f"{vertical}2": "to:Q"}
+    zone = own("zone").mark_rect(color=GREY, opacity=0.12)
+    stairs = own("front").mark_line(interpolate="step-after", color=GREY, strokeWidth=1)
+    tips = [alt.Tooltip("label:N", title="controller"), alt.Tooltip("value:N")]
+    points: dict[str, Any] = {**error, **against, **colours, "tooltip": tips}
+    layers += [
+        zone.encode(**zoned),
+        *([stairs.encode(x="x:Q", y="y:Q", order="x:Q")] if front else ()),
+        line_at("marks", vertical),
+        good.mark_point(filled=True, size=80).encode(**points, shape=look["shape"]),
+        inherited().transform_filter("datum.failed").mark_point(**_CROSS).encode(**points),
     ]
-    alone = all(row["label"] == row["name"] for row in rows)  # the names are their legend
-    look = looked(looks, marker=True, legend=not alone)
-    y: dict[str, Any] = {"y": alt.Y("name:N", sort=list(map(printable, names)), title=None)}
-    y |= {} if alone else {"yOffset": alt.YOffset("label:N", sort=list(map(printable, looks)))}
-    colours = {key: look[key] for key in look if key != "shape"}
-    tips = [
-        alt.Tooltip("label:N", title="controller"),
-        alt.Tooltip("name:N"),
-        alt.Tooltip("value:N"),
-    ]
-    beyond = own("beyond").mark_rect(color=GREY, opacity=0.12).encode(x="from:Q", x2="to:Q")
-    x = alt.X("from:Q", **log_axis(low, high, f"{_ERROR}", end))
-    bars = inherited().mark_rule(strokeWidth=3).encode(x=x, x2="to:Q", **y, **colours)
-    points = inherited().mark_point(filled=True, size=80).transform_filter("!datum.failed")
-    crosses = inherited().transform_filter("datum.failed").mark_point(**_CROSS)
     chart = layered(
-        *(bars, beyond, line_at("marks", "x")),
-        points.encode(x="x:Q", **y, **look, tooltip=tips),
-        crosses.encode(x="x:Q", **y, **colours, tooltip=tips),
-        data="rows",
-        height=height,
-        legend=not alone,
+        *layers, data="rows", height=height, zoom="x" if upright else "", legend=not alone
     )
-    zone = [{"from": 10**0.5 * high, "to": 2.5 * end}]
-    return figure(chart, title, rows=drawn, beyond=zone, marks=_success(low, high))
+    spec = figure(
+        chart,
+        title,
+        rows=drawn,
+        front=[{"x": x, "y": y} for x, y in front],
+        marks=[{"at": SUCCESS}] if low < SUCCESS < high else [],
+        zone=[{"from": 10**0.5 * high, "to": 2.5 * end}],
+    )
+    return {**spec, "title": printable(heading)} if heading else spec
 
 
 _CROSS: dict[str, Any] = {"shape": "cross", "angle": 45, "filled": True, "size": 80}
 
 
-def _success(low: float, high: float) -> list[dict[str, float]]:
-    return [{"at": SUCCESS}] if low < SUCCESS < high else []
-
-
-def _error_against(
-    rows: Sequence[dict[str, Any]],
-    looks: Looks,
-    title: str,
-    axis: Mapping[str, Any],
-    *,
-    joined: bool,
-    front: Sequence[tuple[float, float]] = (),
-    heading: str = "",
-) -> Spec:
-    """Draw errors on a log axis against something else; failures above the axis.
-
-    Args:
-        rows: ``label``, ``x``, ``y``, ``value`` in words; for intervals ``x0``, ``x1``, ``y0``, ``y1``.
-        looks: By label.
-        title: Of the figure.
-        axis: Of what the errors are against.
-        joined: True to join the points of a label.
-        front: Corners of a staircase.
-        heading: Words above the panel.
-    """
-    low, high, end = _error_limits([row["y"] for row in rows])
-    drawn = []
-    for row in sorted(rows, key=lambda row: looks[row["label"]].depth):
-        ends = {k: min(max(row.get(k, row["y"]), low), end) for k in ("y", "y0", "y1")}
-        xs = {k: row.get(k, row["x"]) for k in ("x", "x0", "x1")}
-        drawn.append({**row, **xs, **ends, "failed": float(not math.isfinite(row["y"]))})
-    look = looked(looks, line=True, marker=True)
-    colours = {key: look[key] for key in ("color", "opacity")}
-    x = alt.X("x:Q", **axis)
-    y = alt.Y("y:Q", **log_axis(low, high, _ERROR, end))
-    tips = [alt.Tooltip("label:N", title="controller"), alt.Tooltip("value:N")]
-    layers = []
-    if joined:
-        # a failure is not joined: it is at no height
-        line = inherited().transform_filter("!datum.failed").mark_line()
-        lines = {k: v for k, v in look.items() if k != "shape"}
-        layers.append(line.encode(x=x, y=y, **lines))
-    else:
-        layers.append(inherited().mark_rule().encode(x=alt.X("x0:Q"), x2="x1:Q", y=y, **colours))
-        layers.append(inherited().mark_rule().encode(x=x, y="y0:Q", y2="y1:Q", **colours))
-    spots = {**colours, "shape": look["shape"]}
-    points = inherited().mark_point(filled=True, size=80).transform_filter("!datum.failed")
-    crosses = inherited().transform_filter("datum.failed").mark_point(**_CROSS)
-    stairs = own("front").mark_line(interpolate="step-after", color=GREY, strokeWidth=1)
-    layers += [stairs.encode(x="x:Q", y="y:Q", order="x:Q"), line_at("marks", "y")]
-    layers.append(points.encode(x=x, y=y, **spots, tooltip=tips))
-    layers.append(crosses.encode(x=x, y=y, **colours, tooltip=tips))
-    chart = layered(*layers, data="rows", height=260.0, zoom="x")
-    corners = [{"x": a, "y": b} for a, b in front]
-    spec = figure(chart, title, rows=drawn, front=corners, marks=_success(low, high))
-    return {**spec, "title": printable(heading)} if heading else spec
+def _names(kind: Any, field: str, names: Iterable[str]) -> Any:
+    """Make an axis of names, in their order."""
+    return kind(f"{field}:N", sort=list(map(printable, names)), title=None)
 
 
 # Figures over all cells ----------------------------------------------------------------------------
@@ -193,10 +161,10 @@ def leaderboard_figure(board: Board, looks: Looks) -> Figure:
     rows = [
         {
             "label": s.label,
-            "name": s.label,
-            "x": s.error.estimate,
-            "from": s.error.low,
-            "to": s.error.high,
+            "at": s.label,
+            "error": s.error.estimate,
+            "low": s.error.low,
+            "high": s.error.high,
             "value": f"{number(s.error.estimate)} m ({interval_range(s.error)})",
         }
         for s in board.ranked
@@ -204,7 +172,8 @@ def leaderboard_figure(board: Board, looks: Looks) -> Figure:
     title = (
         "Geometric interquartile mean of the steady task error of each controller, with intervals"
     )
-    spec = _strip(rows, {n: looks[n] for n in names}, names, title, 27.0 * len(rows) + 8.0)
+    shown, axis = {n: looks[n] for n in names}, {"y": _names(alt.Y, "at", names)}
+    spec = _errors(rows, shown, title, axis, upright=False, height=27.0 * len(rows) + 8.0)
     return Figure(
         "leaderboard",
         [spec],
@@ -218,19 +187,16 @@ def overview_figure(results: Results, group: str, looks: Looks) -> Figure:
     cells = results.cells[results.cells.group == group]
     errors = results.errors.mask(results.pending).loc[cells.index]
     rows = [
-        {
-            "label": label,
-            "name": cells.variant[cell],
-            "value": f"{number(error)} m",
-            **dict.fromkeys(("x", "from", "to"), error),
-        }
+        {"label": label, "at": cells.variant[cell], "error": error, "value": f"{number(error)} m"}
         for cell, found in errors.iterrows()
         for label, error in found.dropna().items()
     ]
     shown = {label: looks[label] for label in results.labels if errors[label].notna().any()}
     height = len(cells) * (12.0 + 9.0 * len(shown))
     title = f"Largest steady task error of each controller: {group}"
-    spec = _strip(rows, shown, list(cells.variant), title, height)
+    axes = {"y": _names(alt.Y, "at", cells.variant)}
+    axes["yOffset"] = alt.YOffset("label:N", sort=list(map(printable, shown)))
+    spec = _errors(rows, shown, title, axes, upright=False, height=height)
     return Figure(
         f"{group} overview",
         [spec],
@@ -269,9 +235,8 @@ def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Fi
         for row, found in shown.iterrows()
         for label, error in found.items()
     ]
-    x = alt.X("label:N", sort=list(map(printable, shown.columns)), title=None)
-    x = x.axis(orient="top", labelAngle=-30)
-    y = alt.Y("row:N", sort=list(map(printable, shown.index)), title=None)
+    x = _names(alt.X, "label", shown.columns).axis(orient="top", labelAngle=-30)
+    y = _names(alt.Y, "row", shown.index)
     scale = alt.Scale(scheme="blues", domain=[math.log10(low), math.log10(high)])
     shade: Any = alt.Color("shade:Q", scale=scale, legend=None)
     base = inherited().encode(x=x, y=y, tooltip=["row:N", "label:N", "text:N"])
@@ -355,9 +320,8 @@ def _sweep(
             found = errors[label].loc[own_cells]
             if found.notna().all() and not pending[label].loc[own_cells].any():
                 y = upper_median(found)
-                rows.append(
-                    {"label": label, "x": value, "y": y, "value": f"{value:g}: {number(y)} m"}
-                )
+                words = f"{value:g}: {number(y)} m"
+                rows.append({"label": label, "at": value, "error": y, "value": words})
     if not rows:  # nothing of it is done yet
         return None
     known = {row["label"] for row in rows}
@@ -367,10 +331,14 @@ def _sweep(
     limits = [low / margin, high * margin] if log else [low - margin, high + margin]
     scale = alt.Scale(type="log" if log else "linear", domain=limits, nice=False)
     ticks = sorted(set(values)) if values.nunique() <= 8 else alt.Undefined
-    how = {"title": printable(axis), "scale": scale, "axis": alt.Axis(values=ticks, format="~g")}
+    how: dict[str, Any] = {
+        "title": printable(axis),
+        "scale": scale,
+        "axis": alt.Axis(values=ticks, format="~g"),
+    }
     shown = {label: look for label, look in looks.items() if label in known}
     title = f"Steady task error against {axis}: {name}"
-    return _error_against(rows, shown, title, how, joined=True, heading=name)
+    return _errors(rows, shown, title, {"x": alt.X("at:Q", **how)}, joined=True, heading=name)
 
 
 def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
@@ -439,24 +407,22 @@ def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure
         rows = [
             {
                 "label": p.label,
-                "x": p.effort.estimate,
-                "y": p.error.estimate,
-                "x0": max(p.effort.low, left),
-                "x1": min(p.effort.high, right),
-                "y0": p.error.low,
-                "y1": p.error.high,
+                "at": p.effort.estimate,
+                "error": p.error.estimate,
+                "low": p.error.low,
+                "high": p.error.high,
+                "from": max(p.effort.low, left),
+                "to": min(p.effort.high, right),
                 "value": f"{number(p.error.estimate)} m at {number(p.effort.estimate)}",
             }
             for p in shown
         ]
         corners = sorted((p.effort.estimate, p.error.estimate) for p in shown if p.front)
         corners += [(right, corners[-1][1])] if corners else []
-        own_looks = {
-            label: look for label, look in looks.items() if label in {p.label for p in shown}
-        }
+        own_looks = {p.label: looks[p.label] for p in shown}
         title = "Precision against effort of each controller, with the Pareto front"
-        axis = log_axis(left, right, EFFORTS[metric])
-        charts.append(_error_against(rows, own_looks, title, axis, joined=False, front=corners))
+        axis = alt.X("at:Q", **log_axis(left, right, EFFORTS[metric]))
+        charts.append(_errors(rows, own_looks, title, {"x": axis}, front=corners))
     caption = (
         "Lower left is better; bars: 95 % intervals; grey: the front. Controllers that fail in half of "
         "the cells or more are not drawn."

@@ -326,7 +326,6 @@ def lost_entry(run: Any) -> Entry:
 def metrics_table(results: Results, cell: int) -> Table:
     """Show every metric of every run of a cell; runs without a result have a column too."""
     runs = results.runs[results.runs.cell == cell].sort_values("state", kind="stable")
-    runs = runs.sort_values("state", key=lambda state: state != DONE, kind="stable")
     values = results.metrics.loc[runs.index]
     several = runs.seed.nunique() > 1
     heads = [
@@ -334,10 +333,8 @@ def metrics_table(results: Results, cell: int) -> Table:
         for run in runs.itertuples()
     ]
     outcomes = [
-        Entry(ending(run), "" if run.ok else "bad", run.message)
-        if run.state == DONE
-        else lost_entry(run)
-        for run in runs.itertuples()
+        Entry(ending(run), "" if run.ok else "bad", run.message) if done else lost_entry(run)
+        for run, done in zip(runs.itertuples(), runs.state == DONE, strict=True)
     ]
     rows: list[list[Entry]] = [[Entry("outcome"), Entry(""), *outcomes]]
     known = {metric.name: metric for metric in sorted(list_metrics(), key=_section)}
