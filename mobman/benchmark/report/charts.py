@@ -551,5 +551,5 @@ def _norm(label: str, t: Array, values: Array, columns: int, run: Any) -> Curve:
 
 
 def _end(run: Any, record: Any) -> float:
-    """When a run ended (s); its last sample if its message does not say it."""
+    """Find the end of a run (s): its last sample if its message does not say it."""
     return float(run.end if math.isfinite(run.end) or not len(record.t) else record.t[-1])

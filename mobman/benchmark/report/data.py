@@ -47,7 +47,7 @@ message) or not run yet. ``gains``: as the suite gives them, None if unknown."""
 
 @dataclass
 class Results:
-    """What a folder holds, without the samples.
+    """Runs of a folder of results, without their samples.
 
     Args:
         rows: The runs that the suite asks for, in its order: fields by name.
@@ -126,12 +126,12 @@ class Results:
 
     @cached_property
     def labels(self) -> list[str]:
-        """Of all controllers, in the suite's order."""
+        """Labels of all controllers, in the suite's order."""
         return list(dict.fromkeys(row.get("label", "") for row in self.rows))
 
     @property
     def groups(self) -> list[str]:
-        """Of the cells: robot and task."""
+        """Names of the groups of cells: robot and task."""
         return list(self.cells.group.unique())
 
     @property
@@ -180,7 +180,7 @@ class Results:
 
 
 def _instant(message: str) -> float:
-    """When a run ended (s), by its message: a decimated record may end before."""
+    """Find the end of a run (s) in its message: a decimated record may end before."""
     found = _INSTANT.search(message)
     return float(found[1]) if found else math.nan
 

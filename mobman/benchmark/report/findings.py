@@ -71,7 +71,7 @@ def _counts(results: Results) -> str:
 
 
 def _pending(results: Results, board: Board) -> list[str]:
-    """What was not run yet, which is not to be mistaken for what failed."""
+    """Count runs that are not done yet, which are not to be mistaken for failures."""
     pending = int((results.runs.state == NOT_RUN).sum())
     if not pending:
         return []
@@ -86,7 +86,7 @@ def _pending(results: Results, board: Board) -> list[str]:
 
 
 def _leader(results: Results, board: Board) -> list[str]:
-    """Who is ahead by how much, and where not."""
+    """Name the leader, its lead, and the cells in which others are better."""
     ahead = board.ranked
     if not board.compares:
         return []
@@ -129,7 +129,7 @@ def _shared(first: Standing, ahead: Sequence[Standing]) -> str:
 
 
 def _weak(results: Results, first: Standing, board: Board) -> list[str]:
-    """Where the first is not the best, or fails."""
+    """Count the cells in which the first is not the best, or fails."""
     better: Counter[str] = Counter()
     factors = []
     for _, errors in results.errors.loc[board.cells, board.labels].iterrows():
@@ -163,7 +163,7 @@ def _weak(results: Results, first: Standing, board: Board) -> list[str]:
 
 
 def _solved(first: Standing, ahead: Sequence[Standing]) -> list[str]:
-    """Who solves most cells: to the mean of the middle half, a quarter that fails is invisible."""
+    """Name those that solve most cells: the mean does not see a quarter that fails."""
     if first.solved == first.cells:
         return []
     most = max(standing.solved for standing in ahead)
@@ -301,7 +301,7 @@ def _extremes(errors: Mapping[str, float], notes: Mapping[str, str] | None = Non
 
 
 def _price(results: Results, cell: int) -> list[str]:
-    """What success costs, in computing time and in torque."""
+    """Give the cost of success in computing time and torque."""
     runs = results.runs[results.runs.cell == cell]
     won = runs[(runs.seed == runs.seed.iloc[0]) & runs.succeeded]
     parts = []
@@ -343,7 +343,7 @@ _ZERO_BETA = (
     "Runs under disturbances or with other masses are outside of what these bounds cover."
 )
 _LAWS = (
-    "The baselines are computed-torque laws without integral action or adaptation: they are told "
+    "The baselines are computed-torque laws without integral action or adaptation: they know "
     "nothing of the wrong masses either, and have nothing against them by design."
 )
 _UNTUNED = (

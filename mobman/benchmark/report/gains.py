@@ -79,7 +79,7 @@ def _settings(label: str, groups: Mapping[str, pd.DataFrame]) -> ControllerSetti
 
 
 def _origin(name: str, run: Any, defaults: dict[str, Any]) -> str:
-    """Where a setting comes from: "default", "given" or "auto"; empty if that is not known."""
+    """Find the origin of a setting: "default", "given" or "auto"; empty if that is not known."""
     if run.gains is not None:
         given = {key.replace("_", ""): value for key, value in run.gains.items()}
         plain = name.replace("_", "")

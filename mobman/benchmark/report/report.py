@@ -37,7 +37,7 @@ _MOST_ROWS = 12  # of a table in Markdown
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """Where a report is."""
+    """Paths of a report."""
 
     html: Path
     markdown: Path
@@ -124,7 +124,7 @@ def write_report(folder: Path, results: Results, cells: Sequence[str] = ()) -> R
 
 
 def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
-    """What the templates show, by the names that they use."""
+    """Collect the content of the templates, by the names that they use."""
     board, looks = board_of(results), charts.looks_for(results)
     selection = select(results, patterns)
     runs, cells = results.runs, results.cells

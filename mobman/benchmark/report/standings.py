@@ -67,15 +67,15 @@ class Pair:
     b: str
     error: Comparison
     error_p: float
-    """Of the errors, corrected for all pairs."""
+    """p-value of the errors, corrected for all pairs."""
     success: SuccessComparison
     success_p: float
-    """Of the solved cells, corrected for all pairs."""
+    """p-value of the solved cells, corrected for all pairs."""
 
 
 @dataclass(frozen=True)
 class Price:
-    """What a controller's precision costs."""
+    """The effort that a controller's precision takes."""
 
     label: str
     error: Interval
@@ -90,13 +90,13 @@ class Price:
 class Board:
     """The controllers that can be compared, where, and their standings.
 
-    Cells are those that all of them were asked for and in which all of their runs were tried: of what
+    Cells are those that all of them have runs in and in which all of their runs were tried: of what
     was not run nothing is known, and to count it as failed would rank controllers by the order in
     which a suite is run.
     """
 
     labels: list[str]
-    """Of the controllers that are compared, in the suite's order."""
+    """Controllers that are compared, in the suite's order."""
     cells: pd.Index
     """Numbers of the cells that they are compared in."""
     asked: int
@@ -104,11 +104,11 @@ class Board:
     pending: int
     """Cells that are left out until all of their runs are done."""
     standings: list[Standing]
-    """The best first; controllers that were asked for in too few cells are last, without ranks."""
+    """The best first; controllers that were run in too few cells are last, without ranks."""
     families: dict[str, dict[str, Standing]]
     """Standings by scenario family and label, if there are several families."""
     pairs: list[Pair]
-    """Of every two compared controllers, the better placed as a."""
+    """Every two compared controllers, the better placed as a."""
 
     @property
     def ranked(self) -> list[Standing]:
@@ -127,7 +127,7 @@ class Board:
 
 
 def board_of(results: Results) -> Board:
-    """Rank the controllers over the cells that all were asked for.
+    """Rank the controllers over the cells that all ran in.
 
     A controller that would cost more than half of the cells that the others share is left out.
     """
@@ -227,11 +227,11 @@ class Selection:
     why: dict[int, str] = field(default_factory=dict)
     """By cell: why it is among them; empty where all are drawn."""
     rule: str = ""
-    """How they were chosen; empty where all are drawn."""
+    """Rule of the choice; empty where all are drawn."""
 
 
 def select(results: Results, patterns: Sequence[str] = (), most: int = MOST) -> Selection:
-    """Choose all cells with runs, or those asked for, or a selection.
+    """Choose all cells with runs, or those requested, or a selection.
 
     Args:
         results: The runs.

@@ -63,7 +63,7 @@ class Entry(NamedTuple):
     unit: str = ""
     """Shown small behind the text."""
     number: bool = True
-    """Of a column's heading: True if its entries are aligned as numbers."""
+    """True for the heading of a column that is aligned as numbers."""
     command: bool = False
     """True for words that a shell takes."""
 
