@@ -7,6 +7,9 @@ from support.reported import made_up_runs, results_of
 
 from mobman.benchmark.report.report import write_report
 
+UNFOLD = """document.querySelectorAll('details.cell, details.more')
+    .forEach((place) => { place.open = true; })"""
+
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
@@ -33,7 +36,7 @@ def page(browser, address):
 
 def test_every_chart_is_drawn_when_it_comes_into_sight(page):
     places = page.locator(".chart")
-    page.evaluate("document.querySelectorAll('details').forEach((place) => { place.open = true; })")
+    page.evaluate(UNFOLD)
     for i in range(places.count()):
         places.nth(i).scroll_into_view_if_needed()
     page.wait_for_function(
@@ -75,3 +78,24 @@ def test_tables_sort_and_filter(page):
         assert [text.strip() for text in names.all_inner_texts()] == order
     page.locator("#results input").fill("PAYLOAD-11")
     assert page.locator("#results tbody tr:visible").count() == 1
+
+
+def test_texts_of_others_run_nothing_when_they_are_shown(browser, tmp_path):
+    """Texts that end a script are in other tests; these would run in a legend, an axis or a tooltip."""
+    hostile = "<img src=x onerror=window.ran=1>${window.ran=1}{{7*7}}');window.ran=1;//"
+    runs = made_up_runs({hostile: 1e-9, "tsm": 1e-3}, [hostile, "nominal"], [hostile])
+    address = write_report(tmp_path, results_of(runs, name=hostile)).html.as_uri()
+    page = browser.new_page(viewport={"width": 1200, "height": 900})
+    page.goto(address)
+    page.evaluate(UNFOLD)
+    charts, seen = page.locator(".chart"), 0
+    for i in range(charts.count()):
+        canvas = charts.nth(i).locator("canvas")
+        charts.nth(i).scroll_into_view_if_needed()
+        canvas.wait_for()
+        canvas.hover(position={"x": 250, "y": 60})
+        page.wait_for_timeout(30)
+        seen += page.locator("#vg-tooltip-element.visible", has_text="<img src=x").count()
+    assert seen > 0
+    assert page.evaluate("window.ran") is None
+    page.close()
