@@ -170,8 +170,10 @@ def write_all(contents: Mapping[Path, bytes]) -> None:
 def element(spec: Spec) -> str:
     """Make the element of a page in which :func:`scripts` draws a chart."""
     label = escape(str(spec.get("description", "")), quote=True)
+    # its room is kept, so that what is below does not move when it is drawn
+    room = f'style="min-height: {spec["height"] + 55:.0f}px"'
     return (
-        f'<div class="chart" role="img" aria-label="{label}">'
+        f'<div class="chart" role="img" {room} aria-label="{label}">'
         f'<script type="application/json">{json_text(spec)}</script></div>'
     )
 

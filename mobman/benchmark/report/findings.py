@@ -49,15 +49,10 @@ def summary_lines(results: Results, board: Board) -> list[str]:
     return lines
 
 
-def first_sentences(results: Results, board: Board) -> list[str]:
-    """Say the most important in three sentences: what was run, who is ahead, who succeeds."""
-    lines = summary_lines(results, board)
-    leader = _leader(results, board)[:1]
-    return [
-        lines[0],
-        *(leader or lines[1:2]),
-        *([_successes(results)] if len(results.runs) else []),
-    ]
+def first_sentences(lines: Sequence[str]) -> list[str]:
+    """Choose three sentences of a summary: what was run, who is ahead, who succeeds."""
+    chosen = [lines[0], *(line for line in lines if line.startswith(("Over ", "Success")))]
+    return chosen if len(chosen) == 3 else list(lines[:3])
 
 
 def _counts(results: Results) -> str:

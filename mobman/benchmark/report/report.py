@@ -138,6 +138,7 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
     heat = charts.heat_map(results, board, "variant", "scenarios") if compared else (None, 0)
     created = sorted({moment for moment in runs.created if moment})
     versions, warning = tables.versions_table(results)
+    summary = findings.summary_lines(results, board)
     several = compared and len(board.cells) > 1
     robots = results.cells.group.loc[board.cells].nunique()
     return {
@@ -154,8 +155,8 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
         "first": format.moment(created[0]) if created else "",
         "last": format.moment(created[-1]) if created else "",
         "written": format.moment(datetime.now(UTC).isoformat()),
-        "first_sentences": findings.first_sentences(results, board),
-        "summary": findings.summary_lines(results, board),
+        "first_sentences": findings.first_sentences(summary),
+        "summary": summary,
         "pending": int((runs.state == NOT_RUN).sum()),
         "lost": sum(standing.lost for standing in board.ranked),
         # over all cells
