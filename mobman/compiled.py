@@ -34,10 +34,9 @@ import numpy as np
 
 PACKAGE = Path(__file__).parent
 OPTIONS: dict[str, Any] = {
-    # Sums may be reordered and fused, which lets them use the vector units; nothing else that could
-    # change a result by more than rounding is allowed. A division by 0 gives inf or NaN.
+    # A division by 0 gives inf or NaN. Sums are not reordered or fused (no fastmath): what a function
+    # gives would depend on the functions that it was compiled into, and so on the order of loading.
     "error_model": "numpy",
-    "fastmath": {"reassoc", "contract"},
     # No counting of references (as the docstring of numba.extending.register_jitable has it): a row of
     # a matrix costs nothing, an entry's arrays 0.01 us each instead of 0.1; what would allocate does
     # not compile.

@@ -34,6 +34,16 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: not any(part in SLOW for part in item.path.parts))
 
 
+def pytest_sessionstart(session):
+    """Compile what most tests need once, before several processes would at the same time; no test then
+    meets the line which says that it takes a while."""
+    if not hasattr(session.config, "workerinput"):
+        for platform in dict.fromkeys(PLATFORM.values()):
+            robot = next(name for name in OWN if PLATFORM[name] == platform)
+            for law in mm.list_controllers() if platform == "differential" else ["tsm"]:
+                mm.simulate(robot, law, "circle", duration=1e-3, scenario="realistic")
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
     """One more than there are cores: a third of the time, tests wait for other processes."""

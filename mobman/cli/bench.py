@@ -19,6 +19,7 @@ from mobman.cli.output import (
     table,
 )
 from mobman.cli.progress import SuiteDisplay, TuningDisplay, interrupted_once
+from mobman.printable import printable
 
 if TYPE_CHECKING:
     from mobman.benchmark.runner import Summary
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 _MOST_NAMED = 40
 _COUNT = click.IntRange(min=1)
+_WIDE = ("95 % interval", "runs")  # columns of the leaderboard that a terminal has no room for
 
 
 @click.group()
@@ -150,7 +152,7 @@ def _part(
 def run_command(
     suite: str, output: Path | None, part: tuple[int, int] | None, **options: Any
 ) -> None:
-    """Run SUITE (a name or a TOML file) and write its report.
+    """Run SUITE (a name or a TOML file), write its report and print its leaderboard.
 
     What is in the folder already is not run again: after Ctrl-C the same command goes on. Exit
     status 1 if a run gave no result; a run that diverged is a result.
@@ -180,7 +182,7 @@ def run_command(
     _tell(summary)
     if part is None:
         try:
-            _report(folder)
+            _report(folder, leaderboard=True)
         except KeyboardInterrupt:
             _leave(
                 f"interrupted; all runs are kept in {folder}, their report is written by: "
@@ -324,10 +326,21 @@ def report_command(folder: Path, replays: bool, **options: Any) -> None:
     _report(folder, write_replay=_write_replay if replays else None, **options)
 
 
-def _report(folder: Path, *, latex: Path | None = None, **options: Any) -> None:
+def _report(
+    folder: Path, *, latex: Path | None = None, leaderboard: bool = False, **options: Any
+) -> None:
     from mobman.benchmark.report.report import report_on
 
     files = report_on(folder, latex=latex, **options)
+    if leaderboard and files.leaderboard is not None:
+        heads = [column.text for column in files.leaderboard.columns]
+        narrow = [i for i, head in enumerate(heads) if head not in _WIDE]
+        listing = table(
+            *(heads[i] for i in narrow),
+            rows=[[printable(row[i].text) for i in narrow] for row in files.leaderboard.rows],
+            right={column.text for column in files.leaderboard.columns if column.number},
+        )
+        console().print(listing)
     echo(f"report: {files.html}")
     echo(f"        {files.markdown}")
     if latex is not None:

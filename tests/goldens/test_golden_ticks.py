@@ -85,7 +85,10 @@ def measured(robot: mm.MobileManipulator, label: str, states: dict) -> dict:
         for name, value in getattr(law, "signals", dict)().items():
             rows.setdefault(name.replace("/", " "), []).append(np.array(value))
     found = {name: np.array(values) for name, values in rows.items()}
-    return {**found, "settings": json.dumps(plain(law.settings()), sort_keys=True)}
+    settings = dict(law.settings())
+    if settings.get("K_F") == robot.criterion_weights.tolist():
+        settings["K_F"] = None  # as it is stored: the robot's own
+    return {**found, "settings": json.dumps(plain(settings), sort_keys=True)}
 
 
 def deviations(found: dict, stored: dict):

@@ -37,11 +37,13 @@ _MOST_ROWS = 12  # of a table in Markdown
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """Paths of a report."""
+    """Paths of a report, and its first table."""
 
     html: Path
     markdown: Path
     csv: Path
+    leaderboard: tables.Table | None
+    """None if no cell is complete."""
 
 
 def report_on(
@@ -108,7 +110,8 @@ def write_report(folder: Path, results: Results, cells: Sequence[str] = ()) -> R
     markdown = environment.get_template("report.md.j2").render(
         content, pictures=list(pictures.values())
     )
-    found = ReportFiles(folder / "report.html", folder / "report.md", folder / "report.csv")
+    html_file, markdown_file, csv_file = (folder / f"report.{s}" for s in ("html", "md", "csv"))
+    found = ReportFiles(html_file, markdown_file, csv_file, content["leaderboard"])
     contents = {
         folder / _FIGURES / f"{format.slug(name)}.svg": files.drawn(files.beside(f.charts), "svg")
         for name, f in pictures.items()
