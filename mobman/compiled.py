@@ -25,10 +25,10 @@ import time
 import warnings
 from collections.abc import Callable
 from functools import cache, partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
-import llvmlite
 import numba
 import numpy as np
 
@@ -171,7 +171,7 @@ def kernel_folder() -> Path:
         from platformdirs import user_cache_path
 
         base = user_cache_path("mobman", appauthor=False) / "kernels"
-    versions = (numba.__version__, np.__version__, llvmlite.__version__, sys.version)
+    versions = (numba.__version__, np.__version__, version("llvmlite"), sys.version)
     digest = hashlib.sha256(repr(versions).encode())
     for file in [*kernel_files(), Path(__file__)]:  # this one has the options
         digest.update(file.read_bytes())
