@@ -24,10 +24,11 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from importlib.metadata import version
+from itertools import groupby
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
@@ -59,20 +60,63 @@ def kernel(function: Function) -> Function:
     """
     in_a_file = Path(function.__code__.co_filename).is_file()  # else typed in, say
     keep = in_a_file and not unsafe() and not _calls_other_files(function)
+    compiled: Function = _njit(function, cache=keep, **OPTIONS)
+    return compiled
+
+
+def _njit(function: Any, *signatures: str, **options: Any) -> Any:
     before = numba.config.CACHE_DIR  # where others keep theirs is not changed
     numba.config.CACHE_DIR = str(kernel_folder())
     try:
-        compiled: Function = numba.njit(cache=keep, **OPTIONS)(function)
+        compiled: Any = numba.njit(*signatures, **options)(function)
     finally:
         numba.config.CACHE_DIR = before
     return compiled
+
+
+class Entry:
+    """Kernels of mobman with their arguments, called in order."""
+
+    def __init__(self, *calls: tuple[Any, tuple[Any, ...]]) -> None:
+        self.calls = calls
+
+    def __call__(self) -> int:
+        for run in self._each:
+            if status := run():
+                return int(status)
+        return 0
+
+    @cached_property
+    def _each(self) -> list[Callable[[], Any]]:
+        return [_machine_code(function, given) for function, given in self.calls]
+
+    @cached_property
+    def joined(self) -> Callable[[], int]:
+        """The same as one compiled function.
+
+        To unpack an array from its Python object takes as long as a short kernel, so that function is
+        given a table of where the arrays are and how long, and makes arrays of it again.
+        """
+        written = _Written()
+        for function, given in self.calls:
+            written.add(function, given)
+        run: Any = _machine_code(*written.compiled())
+        run.entry = self  # which keeps the arrays
+        return cast(Callable[[], int], run)
+
+
+def _machine_code(function: Any, arguments: tuple[Any, ...]) -> Callable[[], Any]:
+    types = tuple(map(numba.typeof, arguments))
+    _compile(function, types)
+    # behind the dispatcher, which would look at the arguments' types at every call
+    return partial(function.get_overload(types), *arguments)
 
 
 def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     """A function without arguments that calls one with these.
 
     Args:
-        function: A kernel, which is compiled for them now; any other function as well.
+        function: A kernel, which is compiled for them at the first call; any other function as well.
         *arguments: Contiguous arrays of floats or 64-bit integers, read and written in place, and
             numbers, which are constants of the entry; also tuples of these.
 
@@ -93,23 +137,141 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
                 f"kernel {function.__name__!r}: argument {name!r} is {_described(argument)}; needed: a "
                 "number, or a contiguous array of float64 or int64 that can be written to"
             )
-    types = tuple(map(numba.typeof, arguments))
-    _compile(dispatcher, types)
-    # the machine code behind the dispatcher, which would look at the arguments' types at every call
-    return partial(dispatcher.get_overload(types), *arguments)
+    if PACKAGE in Path(plain(dispatcher).__code__.co_filename).parents:
+        return Entry((dispatcher, arguments))
+    return _machine_code(dispatcher, arguments)
 
 
 def sequence(*entries: Callable[[], Any]) -> Callable[[], int]:
     """A function that calls entries in order: 0, or the status of the first that has one, the last
-    that is called."""
+    that is called. Neighbours that are mobman's kernels become one compiled function, now."""
+    flat: list[Any] = [getattr(one, "entry", one) for one in entries]
+    parts: list[Callable[[], Any]] = []
+    for ours, group in groupby(flat, lambda one: isinstance(one, Entry)):
+        members = list(group)
+        parts += (
+            [Entry(*(call for one in members for call in one.calls)).joined] if ours else members
+        )
+    if len(parts) == 1:
+        return parts[0]
 
     def run() -> int:
-        for entry in entries:
-            if status := entry():
+        for part in parts:
+            if status := part():
                 return int(status)
         return 0
 
     return run
+
+
+class _Written:
+    """The text of a function that calls kernels, and its arguments."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.names: dict[str, Any] = {}
+        self.arrays: dict[int, Any] = {}
+        self.others: list[Any] = []  # numbers, records, and arrays without an entry
+
+    def add(self, function: Any, given: tuple[Any, ...]) -> None:
+        line = f"{self._name(function)}({', '.join(map(self._text, given))})"
+        if inspect.signature(function).return_annotation == "None":
+            self.lines += [line]
+        else:
+            self.lines += [f"status = {line}", "if status != 0:", "    return status"]
+
+    def compiled(self) -> tuple[Any, tuple[Any, ...]]:
+        """The function as a kernel, and what to call it with."""
+        arrays = list(self.arrays.values())
+        # all others are behind it in memory
+        first = min(arrays, key=lambda array: array.ctypes.data, default=np.zeros(1)).ravel("K")
+        head: list[str] = []
+        table: list[int] = []
+        for array in arrays:
+            n = len(table)
+            place = f"first.ctypes, table[{n}]"
+            sizes = "".join(f", table[{n + i}]" for i in range(1, array.ndim + 1))
+            if array.ndim > 1:
+                place = f"_vector({place}, 1).ctypes"
+            view = (
+                "_columns"
+                if not array.flags.c_contiguous
+                else _BY_ROWS[array.ndim, array.dtype.kind]
+            )
+            head.append(f"a{len(head)} = {view}({place}{sizes})")
+            table += [(array.ctypes.data - first.ctypes.data) // 8, *array.shape]
+        others = "".join(f", b{i}" for i in range(len(self.others)))
+        source = "\n    ".join([f"(first, table{others}):", *head, *self.lines, "return 0\n"])
+        arguments = (first.view(np.float64), np.array(table, dtype=np.int64), *self.others)
+        return _kernel_of(source, tuple(self.names.items())), arguments
+
+    def _name(self, one: Any) -> str:
+        name = f"{one.__module__}.{one.__qualname__}".replace(".", "_")
+        self.names[name] = one
+        return name
+
+    def _text(self, value: Any) -> str:
+        if isinstance(value, tuple):
+            inside = "".join(f"{self._text(part)}, " for part in value)
+            return f"{self._name(type(value)) if hasattr(value, '_fields') else ''}({inside})"
+        if isinstance(value, np.ndarray) and value.dtype in _TYPES and value.size:
+            self.arrays.setdefault(id(value), value)
+            return f"a{list(self.arrays).index(id(value))}"
+        self.others.append(value)
+        return f"b{len(self.others) - 1}"
+
+
+_BY_ROWS = {(1, "f"): "_vector", (2, "f"): "_matrix", (3, "f"): "_tensor", (1, "i"): "_index"}
+
+
+@cache
+def _kernel_of(source: str, names: tuple[tuple[str, Any], ...]) -> Any:
+    """A kernel with a written text, once a process."""
+    # a name of its own: machine code is found by the function's name and the arguments' types
+    name = f"written_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+    file, source = kernel_folder() / f"{name}.py", f"def {name}{source}"
+    if not unsafe() and not file.exists():  # numba keeps machine code by the file of its source
+        file.write_text(source)
+    inside = {"__name__": __name__, **_views(), **dict(names)}
+    exec(compile(source, str(file), "exec"), inside)
+    return kernel(inside[name])
+
+
+def _vector(base: Any, at: int, n: int) -> Any:
+    return numba.carray(base, (at + n,), np.float64)[at:]
+
+
+def _index(base: Any, at: int, n: int) -> Any:
+    return numba.carray(base, (at + n,), np.int64)[at:]
+
+
+def _matrix(place: Any, n: int, m: int) -> Any:
+    return numba.carray(place, (n, m), np.float64)
+
+
+def _columns(place: Any, n: int, m: int) -> Any:
+    return numba.farray(place, (n, m), np.float64)
+
+
+def _tensor(place: Any, n: int, m: int, l: int) -> Any:
+    return numba.carray(place, (n, m, l), np.float64)
+
+
+@cache
+def _views() -> dict[str, Any]:
+    """Functions that give an array by its place, counted from another's in memory."""
+    options = {key: value for key, value in OPTIONS.items() if key != "_nrt"}
+    signatures = {
+        _vector: "float64[::1](voidptr, int64, int64)",
+        _index: "int64[::1](voidptr, int64, int64)",
+        _matrix: "float64[:, ::1](voidptr, int64, int64)",
+        _columns: "float64[::1, :](voidptr, int64, int64)",
+        _tensor: "float64[:, :, ::1](voidptr, int64, int64, int64)",
+    }
+    return {
+        view.__name__: _njit(view, signature, cache=not unsafe(), **options)
+        for view, signature in signatures.items()
+    }
 
 
 def plain(function: Function) -> Function:

@@ -45,15 +45,16 @@ class TaskSpace:
         m = task_map.m
         self.now = now
         self._t, self.p_d = np.zeros(1), np.zeros((4, m))
-        self._desired = task_entry(task, self._t, self.p_d)
+        p_d = task_entry(task, self._t, self.p_d)
         self._update: Callable[[], object]
+        self._velocity = sequence(now.velocity)
         if criterion is None:
             self.f, self.J, self.J_dot_z = now.tip[:m], np.zeros((m, robot.nz)), np.zeros(m)
             rows = (now.tip_jacobian[:m], now.tip_jacobian_rate[:m])
             own = (now.C, now.q_dot, now.C_dot_z, self.J, self.J_dot_z)
-            self._update = sequence(now.tip_kinematics, bind(tip_rates, *rows, *own))
+            self._update = sequence(now.tip_kinematics, bind(tip_rates, *rows, *own), p_d)
         else:
-            extended = ExtendedJacobian(robot, task_map, criterion, now)
+            extended = ExtendedJacobian(robot, task_map, criterion, now, then=p_d)
             self.f, self.J, self.J_dot_z = extended.f, extended.J, extended.J_dot_z
             self._update = extended.update
         self.p = len(self.f)
@@ -68,10 +69,9 @@ class TaskSpace:
         self._t[0] = t
         now.q[:] = q
         now.z[:] = z
-        now.velocity()
+        self._velocity()
         now.run_jacobians()
         self._update()
-        self._desired()
 
 
 @kernel

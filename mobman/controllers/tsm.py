@@ -2,7 +2,8 @@
 (55)-(56), ``tsm-inverse-actuation`` (34)-(35) and (65)-(66).
 
 A kinematic stage makes of the task errors a reference acceleration, v_ref' = J^T u_ref; a dynamic
-stage makes z' follow v_ref, v' = B^T u or B^-1 u. All that a tick computes is :func:`sliding_law`.
+stage makes z' follow v_ref, v' = B^T u or B^-1 u. A tick goes from one to the other, then
+advances the integrals of both.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
-from mobman.compiled import bind, kernel
+from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.bounds import actuation_bound, inertia_bound, jacobian_bound
 from mobman.controllers.gains import (
     Auto,
@@ -169,35 +170,8 @@ _REASONS = {
 
 
 @kernel
-def sliding_law(
-    gains: Any,
-    kinematic: Stage,
-    dynamic: Stage,
-    held: Held,
-    f: Vector,
-    J: Matrix,
-    J_dot_z: Vector,
-    p_d: Matrix,
-    q: Vector,
-    q_rest: Vector,
-    z: Vector,
-    z_dot: Vector,
-    M: Matrix,
-    B: Matrix,
-) -> int:
-    """From the state at a tick's start to the torque v that is held over it; 0, or a :class:`Stop`."""
-    k = gains[0]
-    stop = kinematic_stage(k, kinematic, held, f, J, J_dot_z, p_d, q, q_rest, z)
-    if stop == 0:
-        stop = dynamic_stage(k, dynamic, held, z, z_dot, M, B)
-    if stop == 0:
-        integrate(k.dt, kinematic, dynamic, held)
-    return stop
-
-
-@kernel
 def kinematic_stage(
-    k: Any,
+    gains: Any,
     stage: Stage,
     held: Held,
     f: Vector,
@@ -209,7 +183,7 @@ def kinematic_stage(
     z: Vector,
 ) -> int:
     """v_ref' = J^T u_ref (35) of u_ref (34); (43) of (44) where f and J are the tip's."""
-    s, g, v_ref = stage.s, stage.g, held.v_ref
+    k, s, g, v_ref = gains[0], stage.s, stage.g, held.v_ref
     lambda_0, lambda_1, lambda_2 = stage.gains[0], stage.gains[1], stage.gains[2]
     for i in range(s.shape[0]):
         # errors of (26), the second derivative along the reference
@@ -241,10 +215,10 @@ def kinematic_stage(
 
 @kernel
 def dynamic_stage(
-    k: Any, stage: Stage, held: Held, z: Vector, z_dot: Vector, M: Matrix, B: Matrix
+    gains: Any, stage: Stage, held: Held, z: Vector, z_dot: Vector, M: Matrix, B: Matrix
 ) -> int:
     """v' = B^T u (56) of u (55), or B^-1 u (65) of u (66)."""
-    S, G = stage.s, stage.g
+    k, S, G = gains[0], stage.s, stage.g
     nz, Lambda_0, Lambda_1 = S.shape[0], stage.gains[0], stage.gains[1]
     for i in range(nz):
         E = z[i] - held.integral_v_ref[i]  # (45)
@@ -300,8 +274,9 @@ def unit_vector(k: Any, stage: Stage, gain: float) -> bool:
 
 
 @kernel
-def integrate(dt: float, kinematic: Stage, dynamic: Stage, held: Held) -> None:
+def integrate(gains: Any, kinematic: Stage, dynamic: Stage, held: Held) -> None:
     """Advance all integrals over the tick, in which v_ref' and v' are constant."""
+    dt = gains[0].dt
     for i in range(kinematic.g.shape[0]):
         kinematic.integral[i] += dt * kinematic.g[i]
     for i in range(dynamic.g.shape[0]):
@@ -366,12 +341,14 @@ class TerminalSlidingMode:
         self._kinematic = Stage.of(self.gains, space.p, "lambda_0", "lambda_1", "lambda_2")
         self._dynamic = Stage.of(self.gains, nz, "Lambda_0", "Lambda_1")
         self._held = Held(*np.zeros((5, nz)))
-        self._law = bind(
-            sliding_law,
-            in_force(self.gains, dt, a, A, self.inverse_actuation),
-            *(self._kinematic, self._dynamic, self._held),
-            *(space.f, space.J, space.J_dot_z, space.p_d),
-            *(now.q, robot.q_rest, now.z, self._z_dot, now.M, now.B),
+        kinematic, dynamic, held = self._kinematic, self._dynamic, self._held
+        k = in_force(self.gains, dt, a, A, self.inverse_actuation)
+        state = (space.f, space.J, space.J_dot_z, space.p_d, now.q, robot.q_rest, now.z)
+        self._law = sequence(
+            now.inertia,
+            bind(kinematic_stage, k, kinematic, held, *state),
+            bind(dynamic_stage, k, dynamic, held, now.z, self._z_dot, now.M, now.B),
+            bind(integrate, k, kinematic, dynamic, held),
         )
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
@@ -379,7 +356,6 @@ class TerminalSlidingMode:
         now = self._now
         self._space.at(t, q, z)
         now.run_inertia()
-        now.inertia()
         self._z_dot[:] = z_dot
         if stop := self._law():
             raise SingularityError(_REASONS[Stop(stop)])

@@ -115,6 +115,7 @@ class ExtendedJacobian:
         task_map: f_e.
         criterion: F.
         buffers: The robot's matrices at the state, if somebody computes them already.
+        then: An entry that :meth:`update` calls at its end.
 
     Attributes:
         buffers: The robot's matrices at the state.
@@ -131,8 +132,10 @@ class ExtendedJacobian:
         task_map: TaskMap,
         criterion: Criterion,
         buffers: Buffers | None = None,
+        then: Callable[[], object] | None = None,
     ) -> None:
         self.buffers = now = Buffers(robot) if buffers is None else buffers
+        self._then = () if then is None else (then,)
         self._criterion = criterion
         nq, nz, m, s = robot.nq, robot.nz, task_map.m, task_map.m + robot.k
         self.f, self.J, self.J_dot_z = np.zeros(nz), np.zeros((nz, nz)), np.zeros(nz)
@@ -161,8 +164,11 @@ class ExtendedJacobian:
 
     @cached_property
     def _update(self) -> Callable[[], int]:
-        now, everything = self.buffers, bind(extended, self._at, self._own)
-        return sequence(now.constraints, now.tip_kinematics, self._evaluate_criterion, everything)
+        now, at, own = self.buffers, self._at, self._own
+        return sequence(
+            *(now.constraints, now.tip_kinematics, self._evaluate_criterion),
+            *(bind(coordinates, at, own), bind(rates, at, own), *self._then),
+        )
 
     def auxiliary(self) -> None:
         """Fill f and the complement, after the buffers' ``constraints`` and ``tip_kinematics``.
@@ -202,15 +208,6 @@ class ExtendedJacobian:
         now.velocity()
         now.run_jacobians()
         self.update()
-
-
-@kernel
-def extended(at: Given, own: Found) -> int:
-    """f, J and J' z."""
-    status = coordinates(at, own)
-    if status == 0:
-        rates(at, own)
-    return status
 
 
 @kernel

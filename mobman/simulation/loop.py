@@ -23,7 +23,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.simulation.actuation import ActuationChain
 from mobman.simulation.integrator import Divergence, TickIntegrator, divergence
-from mobman.simulation.plant import Plant, accelerate, require_success
+from mobman.simulation.plant import NOT_DEFINITE, Plant, accelerate, require_success
 from mobman.simulation.record_file import APPLIED, OWN_PLACES
 from mobman.simulation.sensors import Measurement
 from mobman.tasks.task import Task, task_entry
@@ -157,7 +157,6 @@ class Loop:
         self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
         self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
         self._look = self._looking()
-        self._accelerate = bind(accelerate, plant.forces, self._z_dot, np.zeros(1))
         self._auxiliary: Callable[[], object] | None = None
         self._report: Callable[[], dict[str, Any]] | None = getattr(controller, "signals", None)
 
@@ -212,7 +211,9 @@ class Loop:
         extended = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
         self._auxiliary = extended.auxiliary
         m, signals = self.task_map.m, self._signal_entries()
-        self._keep_auxiliary = bind(_keep_from, self._tick, extended.f, m, samples.auxiliary)
+        self._keep_auxiliary = sequence(
+            bind(_keep_from, self._tick, extended.f, m, samples.auxiliary)
+        )
         self._keep = sequence(
             bind(_keep_finite, self._tick, self._command, samples.torque), *signals
         )
@@ -224,7 +225,7 @@ class Loop:
         samples, plant, now = self.samples, self.plant, self.plant.now
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
         run_all, measure, step = now.run_all, self._measurement.take, self.controller.step
-        look, dynamics, accelerate = self._look, plant.dynamics, self._accelerate
+        look = self._look
         q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
         keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype
         keep_signals = self._keep_signals if self._report is not None else None
@@ -238,12 +239,11 @@ class Loop:
             if plant.disturbed:
                 plant.disturb(t)
             if status := look():
+                if status == NOT_DEFINITE:
+                    require_success(status)
                 error = samples.tip[tick] - samples.desired[tick]
                 samples.diverged(t, Divergence(status).reason(z, error))
                 return
-            if status := dynamics():
-                require_success(status)
-            accelerate()
             self._evaluate_auxiliary()
             q_now, z_now, measured = measure(q, z, z_dot)
             started = perf_counter()
@@ -288,7 +288,7 @@ class Loop:
                 self.samples.rows_of_signal(name, np.shape(value))[tick] = value
 
     def _looking(self) -> Callable[[], int]:
-        """What keeps a row of the state, or reports why it counts as diverged."""
+        """What keeps a row of the state, or reports why it counts as diverged; then z'."""
         plant, samples, p_d = self.plant, self.samples, np.zeros((4, self.task_map.m))
         now = plant.now
         return sequence(
@@ -302,6 +302,8 @@ class Loop:
                 *(samples.q, samples.z, samples.tip, samples.desired),
                 *(now.A, plant.q_dot, self._residual),
             ),
+            plant.dynamics,
+            bind(accelerate, plant.forces, self._z_dot, np.zeros(1)),
         )
 
     def _evaluate_auxiliary(self) -> None:
