@@ -146,13 +146,16 @@ def transcript(command: str, folder: Path) -> str:
     parts = {"stdout": out, "stderr": err}
     parts |= {name: path.read_text(encoding="utf-8") for name, path in written.items()}
     for name, content in parts.items():
-        if content:
-            text += f"--- {name}\n{_without_times(normalised(content, folder))}"
+        if kept := _without_times(normalised(content, folder)):
+            text += f"--- {name}\n{kept}"
     return text
 
 
 def _without_times(text: str) -> str:
-    return "".join(line for line in text.splitlines(keepends=True) if "compute_time" not in line)
+    """Without times, and without the line that says, on some machines, that kernels are compiled."""
+    lines = text.splitlines(keepends=True)
+    left_out = ("compute_time", "mobman: compiling its kernels")
+    return "".join(line for line in lines if not any(word in line for word in left_out))
 
 
 def versions() -> dict[str, str]:

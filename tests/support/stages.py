@@ -22,8 +22,8 @@ class StageAlone:
         gains = SlidingGains(**gains)
         self.kinematic = Stage.of(gains, p, "lambda_0", "lambda_1", "lambda_2")
         self.dynamic = Stage.of(gains, p, "Lambda_0", "Lambda_1")
-        self.dt, self.held = dt, Held(*np.zeros((5, p)))
-        self.k = in_force(gains, dt, gains.a, gains.A, inverse)[0]
+        self.held = Held(*np.zeros((5, p)))
+        self.k = in_force(gains, dt, gains.a, gains.A, inverse)
 
 
 class KinematicStageAlone(StageAlone):
@@ -44,7 +44,7 @@ class KinematicStageAlone(StageAlone):
 
     def advance(self):
         """v_ref and all integrals a tick later."""
-        integrate(self.dt, self.kinematic, self.dynamic, self.held)
+        integrate(self.k, self.kinematic, self.dynamic, self.held)
 
 
 class DynamicStageAlone(StageAlone):
@@ -60,5 +60,5 @@ class DynamicStageAlone(StageAlone):
         held.v_ref[:], held.integral_v_ref[:], held.v_ref_dot[:] = v_ref, integral_v_ref, v_ref_dot
         robot = (self._inertia, self._actuation)
         assert dynamic_stage(self.k, self.dynamic, held, z, z_dot, *robot) == 0
-        integrate(self.dt, self.kinematic, self.dynamic, held)
+        integrate(self.k, self.kinematic, self.dynamic, held)
         return held.v.copy()
