@@ -405,7 +405,7 @@ def _say_that_it_takes_time() -> None:
     """Say, once a process, why the first call takes its time."""
     reason = unsafe()
     print(
-        "mobman: compiling its kernels for this machine; once, it takes some twenty seconds"
+        "mobman: compiling its kernels for this machine; once, it takes about half a minute"
         + ("" if reason else f" (kept in {kernel_folder()})"),
         file=sys.stderr,
         flush=True,
