@@ -23,7 +23,8 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from functools import cache, cached_property, partial
 from importlib.metadata import version
 from itertools import groupby
@@ -142,16 +143,32 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     return _machine_code(dispatcher, arguments)
 
 
+_joining: ContextVar[bool] = ContextVar("_joining", default=False)
+
+
+@contextlib.contextmanager
+def worth_joining(worth: bool) -> Iterator[None]:
+    """Sequences made meanwhile are compiled as one function each: for a run of many ticks, since that
+    takes some ten seconds more, once for each combination of kernels."""
+    token = _joining.set(worth)
+    try:
+        yield
+    finally:
+        _joining.reset(token)
+
+
 def sequence(*entries: Callable[[], Any]) -> Callable[[], int]:
     """A function that calls entries in order: 0, or the status of the first that has one, the last
-    that is called. Neighbours that are mobman's kernels become one compiled function, now."""
+    that is called. Neighbours that are mobman's kernels become one compiled function where that is
+    :func:`worth_joining`; the results are the same to the last bit."""
     flat: list[Any] = [getattr(one, "entry", one) for one in entries]
     parts: list[Callable[[], Any]] = []
     for ours, group in groupby(flat, lambda one: isinstance(one, Entry)):
         members = list(group)
-        parts += (
-            [Entry(*(call for one in members for call in one.calls)).joined] if ours else members
-        )
+        if ours:
+            entry = Entry(*(call for one in members for call in one.calls))
+            members = [entry.joined if _joining.get() else entry]
+        parts += members
     if len(parts) == 1:
         return parts[0]
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mobman.arrays import LARGEST, SMALLEST, Array
+from mobman.compiled import worth_joining
 from mobman.controllers.protocol import Controller, make_controller
 from mobman.errors import UnknownNameError, UsageError
 from mobman.model.build import load_robot
@@ -29,6 +30,9 @@ from mobman.tasks.task import Task, make_task, task_map_of
 
 _MOST_TICKS = 10_000_000  # a run keeps some 50 numbers of 8 bytes a tick: 4 GB
 _LONGEST = 1e6  # s: in integration steps of at most 1 ms some hours of computing
+
+
+_MANY_TICKS = 2000  # a run from which compiling its kernels together pays
 
 
 def simulate(
@@ -85,22 +89,23 @@ def simulate(
     differences = _scenario(scenario)
     setting = Setting(robot, dt, np.random.default_rng(seed))
     true = true_plant(setting, plant, differences)
-    loop = Loop(
-        robot=robot,
-        controller=law,
-        task=aim,
-        task_map=_task_map(aim, robot),
-        plant=differences.plant(setting, true),
-        measurement=differences.measurement(setting),
-        actuation=differences.actuation_chain(setting),
-        q0=start,
-        ticks=ticks,
-        dt=dt,
-        progress=progress,
-        observe=observe,
-        stride=stride,
-    )
-    loop.run()
+    with worth_joining(ticks >= _MANY_TICKS):
+        loop = Loop(
+            robot=robot,
+            controller=law,
+            task=aim,
+            task_map=_task_map(aim, robot),
+            plant=differences.plant(setting, true),
+            measurement=differences.measurement(setting),
+            actuation=differences.actuation_chain(setting),
+            q0=start,
+            ticks=ticks,
+            dt=dt,
+            progress=progress,
+            observe=observe,
+            stride=stride,
+        )
+        loop.run()
     run = describe_run(
         robot=robot,
         controller=(controller, law),

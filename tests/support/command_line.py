@@ -35,6 +35,7 @@ def mobman(*arguments: object) -> Done:
             redirect_stderr(err),
         ):
             warnings.simplefilter("default")
+            warnings.simplefilter("ignore", ResourceWarning)  # of what other tests left
             try:
                 runpy.run_module("mobman", run_name="__main__")
             except SystemExit as leave:
