@@ -12,12 +12,12 @@ from pathlib import Path
 import h5py
 import pytest
 from click.testing import CliRunner
-from mobman.benchmark.reporting import read_results
 from support.suites import bits, small_suite, suite_of
 
 import mobman as mm
 from mobman.benchmark import store as store_module
 from mobman.benchmark.manifest import read_manifest
+from mobman.benchmark.report.data import read_results
 from mobman.benchmark.runner import run_suite
 from mobman.benchmark.store import Store, merge
 from mobman.benchmark.suite import load_suite
@@ -140,7 +140,7 @@ def test_files_that_were_not_asked_for_are_left_alone_and_listed(tmp_path, suite
     stranger = tmp_path / "runs" / "notes.txt"
     stranger.write_text("mine")
     store.begin(suite, runs)
-    assert [file.file for file in read_results(store).unused] == ["runs/notes.txt"]
+    assert list(read_results(store).unused) == ["runs/notes.txt"]
     assert stranger.read_text() == "mine"
 
 
