@@ -34,6 +34,8 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 
+from mobman.files import write_whole
+
 PACKAGE = Path(__file__).parent
 OPTIONS: dict[str, Any] = {
     # A division by 0 gives inf or NaN. Sums are not reordered or fused (no fastmath): what a function
@@ -75,7 +77,7 @@ def _njit(function: Any, *signatures: str, **options: Any) -> Any:
     return compiled
 
 
-class Entry:
+class BoundKernels:
     """Kernels of mobman with their arguments, called in order."""
 
     def __init__(self, *calls: tuple[Any, tuple[Any, ...]]) -> None:
@@ -139,7 +141,7 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
                 "number, or a contiguous array of float64 or int64 that can be written to"
             )
     if PACKAGE in Path(plain(dispatcher).__code__.co_filename).parents:
-        return Entry((dispatcher, arguments))
+        return BoundKernels((dispatcher, arguments))
     return _machine_code(dispatcher, arguments)
 
 
@@ -163,10 +165,10 @@ def sequence(*entries: Callable[[], Any]) -> Callable[[], int]:
     :func:`worth_joining`; the results are the same to the last bit."""
     flat: list[Any] = [getattr(one, "entry", one) for one in entries]
     parts: list[Callable[[], Any]] = []
-    for ours, group in groupby(flat, lambda one: isinstance(one, Entry)):
+    for ours, group in groupby(flat, lambda one: isinstance(one, BoundKernels)):
         members = list(group)
         if ours:
-            entry = Entry(*(call for one in members for call in one.calls))
+            entry = BoundKernels(*(call for one in members for call in one.calls))
             members = [entry.joined if _joining.get() else entry]
         parts += members
     if len(parts) == 1:
@@ -248,7 +250,8 @@ def _kernel_of(source: str, names: tuple[tuple[str, Any], ...]) -> Any:
     name = f"written_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
     file, source = kernel_folder() / f"{name}.py", f"def {name}{source}"
     if not unsafe() and not file.exists():  # numba keeps machine code by the file of its source
-        file.write_text(source)
+        with contextlib.suppress(OSError):  # it is compiled by every process then
+            write_whole(file, source.encode())
     inside = {"__name__": __name__, **_views(), **dict(names)}
     exec(compile(source, str(file), "exec"), inside)
     return kernel(inside[name])

@@ -117,7 +117,7 @@ class Local(Backend):
             self._workers.kill()
 
 
-class Given(Backend):
+class AnyExecutor(Backend):
     """Any :class:`concurrent.futures.Executor`.
 
     Args:

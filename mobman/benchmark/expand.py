@@ -57,7 +57,7 @@ def runs_of(suite: SuiteTables) -> list[RunSpec]:
 
 
 def number_of_runs(suite: SuiteTables) -> int:
-    """How many runs a suite has, by the names alone: no robot is loaded and no gain is looked at.
+    """Number of a suite's runs, by the names alone: no robot is loaded and no gain is checked.
 
     Raises:
         SpecError: With all names that are unknown, grids that are not valid, and overrides that fit no

@@ -16,7 +16,7 @@ from concurrent.futures import (
 )
 from dataclasses import dataclass, field
 
-from mobman.benchmark.backends import Backend, Cluster, Given, Local, default_workers
+from mobman.benchmark.backends import AnyExecutor, Backend, Cluster, Local, default_workers
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import Suite, load_suite
 from mobman.benchmark.work import Job, Result, failure, jobs_of
@@ -181,7 +181,7 @@ def run_suite(
     elif executor is not None:
         if not anything_kept():
             preload()  # compile here and once, instead of in every worker
-        backend = Given(executor)
+        backend = AnyExecutor(executor)
     else:
         backend = Local(min(workers or default_workers(), len(todo)), limit)
 

@@ -24,7 +24,7 @@ class Suite(SuiteTables):
         return runs_of(self)
 
     def size(self) -> int:
-        """How many runs there are, by the names alone.
+        """Number of runs, by the names alone.
 
         Raises:
             SpecError: With all names that are unknown.

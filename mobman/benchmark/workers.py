@@ -264,7 +264,7 @@ def _without_interrupts() -> Iterator[None]:
 
 
 def _context() -> BaseContext:
-    """How processes start: clean, with one thread, whatever this process has loaded."""
+    """Start method of processes: clean, with one thread, whatever this process has loaded."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

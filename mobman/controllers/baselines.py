@@ -7,7 +7,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from mobman.controllers.gains import (
     require_positive_diagonal,
 )
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import TaskSpace, desired, posture_criterion
+from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
 from mobman.errors import SingularityError
 from mobman.linalg import (
     apply,
@@ -38,19 +37,6 @@ from mobman.linalg import (
 from mobman.model.criterion import criterion_entry
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
-
-
-class Stop(IntEnum):
-    """Reason why there is no torque."""
-
-    NO_INVERSE = 1
-    NO_ACCELERATION = 2
-
-
-_REASONS = {
-    Stop.NO_INVERSE: "the actuation matrix B has no inverse",
-    Stop.NO_ACCELERATION: "the task's Jacobian is singular",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +112,7 @@ class ResolvedAcceleration:
         space.at(t, q, z)
         space.now.run_dynamics()
         if stop := self._law():
-            raise SingularityError(_REASONS[Stop(stop)])
+            raise SingularityError(Stop(stop).reason)
         return self._v.copy()
 
     def settings(self) -> dict[str, Any]:

@@ -4,6 +4,7 @@ laws need them."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import IntEnum
 
 import numpy as np
 
@@ -16,6 +17,23 @@ from mobman.model.dynamics import Buffers
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task, task_entry, task_map_of
+
+
+class Stop(IntEnum):
+    """Reason why a law has no torque."""
+
+    NOT_DEFINITE = 1
+    NO_INVERSE = 2
+    NO_ACCELERATION = 3
+
+    @property
+    def reason(self) -> str:
+        """The reason in words."""
+        return {
+            Stop.NOT_DEFINITE: "the nominal inertia M is not positive definite",
+            Stop.NO_INVERSE: "the actuation matrix B has no inverse",
+            Stop.NO_ACCELERATION: "the task's Jacobian is singular",
+        }[self]
 
 
 class TaskSpace:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from enum import IntEnum
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple
 
@@ -34,7 +33,7 @@ from mobman.controllers.gains import (
     require_positive_diagonal,
 )
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import TaskSpace, desired, posture_criterion
+from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
 from mobman.errors import SingularityError
 from mobman.linalg import apply_transpose, dot, gram, norm, solve
@@ -113,7 +112,7 @@ IN_FORCE = np.dtype([*((name, float) for name in _NUMBERS), *((name, bool) for n
 """The gains as the law has them; those that are diagonal are with the stages."""
 
 
-class Stage(NamedTuple):
+class SlidingStage(NamedTuple):
     """A sliding variable of p components and its unit vector."""
 
     s: Vector
@@ -134,7 +133,7 @@ class Stage(NamedTuple):
     work: Matrix
 
     @classmethod
-    def of(cls, gains: SlidingGains, p: int, *names: str) -> Stage:
+    def of(cls, gains: SlidingGains, p: int, *names: str) -> SlidingStage:
         """A stage with an empty integral, I for the metric, and the named gains.
 
         Raises:
@@ -147,7 +146,7 @@ class Stage(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What the law integrates, and over the tick with what rates; shapes (nz,)."""
+    """Integrals of the law, and their rates over the tick; shapes (nz,)."""
 
     integral_v_ref: Vector
     v_ref: Vector
@@ -156,23 +155,10 @@ class Held(NamedTuple):
     v_dot: Vector
 
 
-class Stop(IntEnum):
-    """Reason why there is no torque."""
-
-    NOT_DEFINITE = 1
-    NO_INVERSE = 2
-
-
-_REASONS = {
-    Stop.NOT_DEFINITE: "the nominal inertia M is not positive definite",
-    Stop.NO_INVERSE: "the actuation matrix B has no inverse",
-}
-
-
 @kernel
 def kinematic_stage(
     gains: Any,
-    stage: Stage,
+    stage: SlidingStage,
     held: Held,
     f: Vector,
     J: Matrix,
@@ -215,7 +201,7 @@ def kinematic_stage(
 
 @kernel
 def dynamic_stage(
-    gains: Any, stage: Stage, held: Held, z: Vector, z_dot: Vector, M: Matrix, B: Matrix
+    gains: Any, stage: SlidingStage, held: Held, z: Vector, z_dot: Vector, M: Matrix, B: Matrix
 ) -> int:
     """v' = B^T u (56) of u (55), or B^-1 u (65) of u (66)."""
     k, S, G = gains[0], stage.s, stage.g
@@ -259,7 +245,7 @@ def dynamic_stage(
 
 
 @kernel
-def unit_vector(k: Any, stage: Stage, gain: float) -> bool:
+def unit_vector(k: Any, stage: SlidingStage, gain: float) -> bool:
     """n of a stage, whose ``gram`` is not yet multiplied by dt times the gain; False: no metric."""
     if not k.implicit:
         explicit_unit_vector(stage.s, k.boundary_layer, stage.n)
@@ -274,7 +260,7 @@ def unit_vector(k: Any, stage: Stage, gain: float) -> bool:
 
 
 @kernel
-def integrate(gains: Any, kinematic: Stage, dynamic: Stage, held: Held) -> None:
+def integrate(gains: Any, kinematic: SlidingStage, dynamic: SlidingStage, held: Held) -> None:
     """Advance all integrals over the tick, in which v_ref' and v' are constant."""
     dt = gains[0].dt
     for i in range(kinematic.g.shape[0]):
@@ -338,8 +324,8 @@ class TerminalSlidingMode:
         self._settings = as_settings(self.gains) | {"a": a, "A": A, "K_F": K_F}
         now, nz = space.now, robot.nz
         self._now, self._z_dot = now, np.zeros(nz)
-        self._kinematic = Stage.of(self.gains, space.p, "lambda_0", "lambda_1", "lambda_2")
-        self._dynamic = Stage.of(self.gains, nz, "Lambda_0", "Lambda_1")
+        self._kinematic = SlidingStage.of(self.gains, space.p, "lambda_0", "lambda_1", "lambda_2")
+        self._dynamic = SlidingStage.of(self.gains, nz, "Lambda_0", "Lambda_1")
         self._held = Held(*np.zeros((5, nz)))
         kinematic, dynamic, held = self._kinematic, self._dynamic, self._held
         k = in_force(self.gains, dt, a, A, self.inverse_actuation)
@@ -358,7 +344,7 @@ class TerminalSlidingMode:
         now.run_inertia()
         self._z_dot[:] = z_dot
         if stop := self._law():
-            raise SingularityError(_REASONS[Stop(stop)])
+            raise SingularityError(Stop(stop).reason)
         return self._held.v.copy()
 
     def settings(self) -> dict[str, Any]:

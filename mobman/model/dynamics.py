@@ -122,8 +122,6 @@ class Buffers:
     def velocity(self) -> Callable[[], object]:
         """Fills x, alpha, N, x_dot, N_rate, B'', C, q_dot and C_dot_z, from q and z."""
         own, at = self._robot.platform.equations, self._motion
-        if own.velocities is not None:
-            return bind(own.velocities, own.parameters, at)
         return sequence(
             bind(gather, at),
             bind(own.velocity_map, own.parameters, at.x, at.N),
@@ -137,8 +135,6 @@ class Buffers:
     def constraints(self) -> Callable[[], object]:
         """Fills A and its derivatives, after ``velocity``."""
         own, at = self._robot.platform.equations, self._motion
-        if own.all_constraints is not None:
-            return bind(own.all_constraints, own.parameters, at)
         return sequence(
             bind(own.constraints, own.parameters, at.x, at.platform_A, at.A_x),
             bind(own.constraint_derivative_rate, own.parameters, at.x, at.x_dot, at.A_x_rate),

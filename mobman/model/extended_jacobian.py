@@ -85,7 +85,7 @@ class Given(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What is computed of them."""
+    """Results of :func:`coordinates` and :func:`rates`, and their work space."""
 
     f: Vector
     J: Matrix

@@ -269,7 +269,7 @@ class Loop:
                 self._progress(tick / ticks)
 
     def _signal_entries(self) -> list[Callable[[], None]]:
-        """What keeps a row of each signal, where they are overwritten in place."""
+        """Entries that keep a row of each signal, where signals are overwritten in place."""
         report = self._report
         if report is None or not getattr(self.controller, "signals_in_place", False):
             return []
@@ -288,7 +288,7 @@ class Loop:
                 self.samples.rows_of_signal(name, np.shape(value))[tick] = value
 
     def _looking(self) -> Callable[[], int]:
-        """What keeps a row of the state, or reports why it counts as diverged; then z'."""
+        """Entry that keeps a row of the state, or reports why it counts as diverged; then z'."""
         plant, samples, p_d = self.plant, self.samples, np.zeros((4, self.task_map.m))
         now = plant.now
         return sequence(

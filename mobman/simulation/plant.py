@@ -28,7 +28,7 @@ NOT_DEFINITE = 3
 
 
 class Forces(NamedTuple):
-    """What z' of (17) is computed from."""
+    """Terms of z' in (17)."""
 
     lower: Matrix
     """L of M = L L^T, shape (nz, nz)."""

@@ -42,7 +42,7 @@ _FAR = 3.0
 _MARGIN = 0.4
 
 
-class Motion(NamedTuple):
+class SampledRun(NamedTuple):
     """A run at N of its own samples."""
 
     t: Array
@@ -64,10 +64,10 @@ class Motion(NamedTuple):
     path: Array | None = None
     """p_d of all of the run (m), shape (M, 3), if it has only begun."""
 
-    def begun(self) -> Motion:
+    def begun(self) -> SampledRun:
         """Keep the first sample, and the desired path."""
         first = (None if part is None else part[:1] for part in self)
-        return Motion(*first)._replace(path=self.desired)  # type: ignore[arg-type]
+        return SampledRun(*first)._replace(path=self.desired)  # type: ignore[arg-type]
 
     def described(self) -> dict[str, Any]:
         """The motion for the page."""
@@ -99,7 +99,9 @@ class States:
     message: str = ""
 
 
-def motion(record: Record | States, robot: MobileManipulator | None, *, runs: int = 1) -> Motion:
+def motion(
+    record: Record | States, robot: MobileManipulator | None, *, runs: int = 1
+) -> SampledRun:
     """Take a run's motion from its samples.
 
     Args:
@@ -117,12 +119,12 @@ def motion(record: Record | States, robot: MobileManipulator | None, *, runs: in
             platform[:, i] = q[:, record.joint_names.index(name)]
     error = np.linalg.norm(record.task_error[kept], axis=1)
     if robot is None:
-        return Motion(t, tip, desired, error, platform)
+        return SampledRun(t, tip, desired, error, platform)
     if m < 3:  # a planar task says nothing of the height
         tip[:, 2] = desired[:, 2] = [robot.tip_pose(row).translation[2] for row in q]
     q_dot = np.array([robot.velocity_map(a) @ b for a, b in zip(q, z, strict=True)])
     effort = np.array([robot.actuation(a) @ b for a, b in zip(q, torque, strict=True)])
-    return Motion(t, tip, desired, error, platform, q, q_dot, effort)
+    return SampledRun(t, tip, desired, error, platform, q, q_dot, effort)
 
 
 def frames(t: Array, most: int = MOST_FRAMES) -> Index:
@@ -298,7 +300,7 @@ def labels(records: Sequence[Record | States], names: Sequence[str]) -> list[str
     ]
 
 
-def _extent(moved: Motion, robot: MobileManipulator | None) -> Array:
+def _extent(moved: SampledRun, robot: MobileManipulator | None) -> Array:
     """Lowest and highest corner of what a run takes (m), shape (2, 3); what flies away is left out."""
     points = [moved.desired, moved.tip[:1], moved.platform[:1]]
     if robot is not None and moved.q is not None:
@@ -311,7 +313,7 @@ def _extent(moved: Motion, robot: MobileManipulator | None) -> Array:
     return np.array([everything.min(axis=0), everything.max(axis=0)])
 
 
-def _decades(motions: Sequence[Motion]) -> list[int]:
+def _decades(motions: Sequence[SampledRun]) -> list[int]:
     """Powers of ten between which errors are coloured."""
     errors = np.concatenate([moved.error for moved in motions])
     errors = errors[np.isfinite(errors) & (errors > 0.0)]

@@ -48,13 +48,6 @@ class Stops(_Law):
         os.kill(os.getpid(), signal.SIGSTOP)
 
 
-class Forks(_Law):
-    """Its child goes on with the run, as if it were the worker; so does the worker."""
-
-    def act(self):
-        os.fork()
-
-
 class Swells(_Law):
     """Asks for ten gigabytes at a time, and keeps them."""
 
@@ -142,3 +135,17 @@ class KilledOnce(_Law):
         except FileExistsError:
             return
         os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Forks(_Law):
+    """Its child goes on with the run, as if it were the worker; so does the worker, which notes the
+    child's process."""
+
+    Gains = Mark
+
+    def __init__(self, gains):
+        self.gains = gains
+
+    def act(self):
+        if child := os.fork():
+            Path(self.gains.mark).write_text(str(child))

@@ -7,7 +7,7 @@ import numpy as np
 from mobman.controllers.tsm import (
     Held,
     SlidingGains,
-    Stage,
+    SlidingStage,
     dynamic_stage,
     in_force,
     integrate,
@@ -20,8 +20,8 @@ class StageAlone:
 
     def __init__(self, p, dt, *, inverse=False, **gains):
         gains = SlidingGains(**gains)
-        self.kinematic = Stage.of(gains, p, "lambda_0", "lambda_1", "lambda_2")
-        self.dynamic = Stage.of(gains, p, "Lambda_0", "Lambda_1")
+        self.kinematic = SlidingStage.of(gains, p, "lambda_0", "lambda_1", "lambda_2")
+        self.dynamic = SlidingStage.of(gains, p, "Lambda_0", "Lambda_1")
         self.held = Held(*np.zeros((5, p)))
         self.k = in_force(gains, dt, gains.a, gains.A, inverse)
 

@@ -25,7 +25,7 @@ def implicit_unit_vector(metric, gram, b, boundary_layer=0.0) -> np.ndarray:
 def sampled_unit_vector(discretization, boundary_layer, s, drift, metric, gram) -> np.ndarray:
     """n as the stages choose it for a tick that starts at s and would end at s + drift."""
     gains = tsm.SlidingGains(discretization=discretization, boundary_layer=boundary_layer)
-    stage = tsm.Stage.of(gains, len(s))
+    stage = tsm.SlidingStage.of(gains, len(s))
     given = ((stage.s, s), (stage.drift, drift), (stage.metric, metric), (stage.gram, gram))
     for array, value in given:
         array[:] = value

@@ -1,4 +1,4 @@
-"""What came out, in sentences made from the numbers alone, and what the numbers do not say."""
+"""Findings in sentences made from the numbers alone, and the limitations of the numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How numbers and texts are written in a report."""
+"""Format of numbers and texts in a report."""
 
 from __future__ import annotations
 

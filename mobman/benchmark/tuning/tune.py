@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from mobman.benchmark.backends import Backend, Given, Local
+from mobman.benchmark.backends import AnyExecutor, Backend, Local
 from mobman.benchmark.suite import Suite
 from mobman.benchmark.suite_tables import TunedFrom, Tuning
 from mobman.benchmark.tuning.objective import objectives
@@ -143,7 +143,7 @@ def tune_suite(
         seconds = sum(run.duration for run in runs)
         on_start(Plan(counts, tuning.trials, len(runs), seconds, done))
     limit = suite.time_limit
-    backend: Backend = Local(workers, limit) if executor is None else Given(executor)
+    backend: Backend = Local(workers, limit) if executor is None else AnyExecutor(executor)
     with backend:
         for step in steps(list(searches.values()), tuning.trials, backend, limit):
             if on_step is not None:

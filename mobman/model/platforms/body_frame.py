@@ -14,15 +14,10 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.compiled import kernel
-from mobman.linalg import apply
 from mobman.model.platforms.platform import (
     Equations,
-    Motion,
     Platform,
     Wheel,
-    assemble_constraints,
-    assemble_velocity,
-    gather,
 )
 from mobman.robots.urdf.compose import BASE_JOINTS
 
@@ -65,8 +60,6 @@ class BodyFramePlatform(Platform):
             _constraints,
             _constraint_derivative_rate,
             _actuation,
-            _velocities,
-            _all_constraints,
         )
 
     @property
@@ -149,20 +142,3 @@ def _constraint_derivative_rate(
         forward, left = parameters[start + i * l], parameters[start + i * l + 1]
         A_x_rate[i, 0, 2] = -c * forward + s * left
         A_x_rate[i, 1, 2] = -s * forward - c * left
-
-
-@kernel
-def _velocities(parameters: Vector, at: Motion) -> None:
-    gather(at)
-    _velocity_map(parameters, at.x, at.N)
-    apply(at.N, at.alpha, at.x_dot)
-    _velocity_map_rate(parameters, at.x, at.x_dot, at.N_rate)
-    _actuation(parameters, at.x, at.platform_B)
-    assemble_velocity(at)
-
-
-@kernel
-def _all_constraints(parameters: Vector, at: Motion) -> None:
-    _constraints(parameters, at.x, at.platform_A, at.A_x)
-    _constraint_derivative_rate(parameters, at.x, at.x_dot, at.A_x_rate)
-    assemble_constraints(at)

@@ -13,7 +13,6 @@ from pydantic import Field
 from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.compiled import kernel
 from mobman.errors import SpecError
-from mobman.linalg import apply
 from mobman.model.platforms.body import (
     Knuckle,
     WheeledBody,
@@ -25,13 +24,9 @@ from mobman.model.platforms.body import (
 )
 from mobman.model.platforms.platform import (
     Equations,
-    Motion,
     Platform,
     Site,
     Wheel,
-    assemble_constraints,
-    assemble_velocity,
-    gather,
     platforms,
 )
 from mobman.model.platforms.wheels import (
@@ -140,8 +135,6 @@ class CarLike(Platform):
             _constraints,
             _constraint_derivative_rate,
             _actuation,
-            _velocities,
-            _all_constraints,
         )
 
     @classmethod
@@ -335,23 +328,6 @@ def _constraint_derivative_rate(
             A_x_rate[row, 0, 2], A_x_rate[row, 1, 2] = -cf, -sf
             A_x_rate[row, 0, 3], A_x_rate[row, 1, 3] = -own * cf, -own * sf
             A_x_rate[row, 2, 3] = -own * (L * sd + side * W * cd)
-
-
-@kernel
-def _velocities(parameters: Vector, at: Motion) -> None:
-    gather(at)
-    _velocity_map(parameters, at.x, at.N)
-    apply(at.N, at.alpha, at.x_dot)
-    _velocity_map_rate(parameters, at.x, at.x_dot, at.N_rate)
-    _actuation(parameters, at.x, at.platform_B)
-    assemble_velocity(at)
-
-
-@kernel
-def _all_constraints(parameters: Vector, at: Motion) -> None:
-    _constraints(parameters, at.x, at.platform_A, at.A_x)
-    _constraint_derivative_rate(parameters, at.x, at.x_dot, at.A_x_rate)
-    assemble_constraints(at)
 
 
 def _parameters(parameters: dict[str, Any], origin: str) -> CarLikeParameters:

@@ -84,11 +84,6 @@ class Equations(NamedTuple):
     actuation: Callable[[Array, Array, Array], None]
     """(parameters, x, B): B'' of (16), the generalised forces of x that each command makes; shape
     (l, l-k). For motors on the coordinates themselves it is a selection of them."""
-    velocities: Callable[[Array, Motion], None] | None = None
-    """(parameters, motion): all that belongs to the velocity in one kernel, for speed; see
-    :func:`gather`. By default the functions above are called one by one."""
-    all_constraints: Callable[[Array, Motion], None] | None = None
-    """(parameters, motion): the same of the constraints; see :func:`assemble_constraints`."""
 
 
 class Platform(ABC):
@@ -202,8 +197,8 @@ class Platform(ABC):
 platforms: Registry[type[Platform]] = Registry("platform type", "mobman.model.platforms")
 
 
-# What every platform has in common: kernels for :attr:`Equations.velocities`, in this order with the
-# platform's own N, x' = N alpha, N' and B'' between them, and for :attr:`Equations.all_constraints`.
+# Kernels that all platforms have in common; the platform's own stand between them, see
+# :class:`mobman.model.dynamics.Buffers`.
 
 
 @kernel
