@@ -13,7 +13,7 @@ from mobman.version import __version__
 _LIBRARIES = ("pin", "example-robot-data", "numpy", "scipy", "numba", "h5py")
 
 
-COMPUTING = ("mobman", "python", "pin", "numpy", "scipy", "numba")
+COMPUTING = ("mobman", "source", "python", "pin", "numpy", "scipy", "numba")
 """Those of them that may change a run's last bits; the robots' URDFs are in the records."""
 
 

@@ -185,10 +185,9 @@ class Store:
             RecordError: As :meth:`summary`.
         """
         then, now = self.summary(run).versions, versions()
-        names = (*COMPUTING, "source")
         return ", ".join(
             f"{name} {then.get(name, 'unknown')} then, {now[name]} now"
-            for name in names
+            for name in COMPUTING
             if then.get(name) != now[name]
         )
 
