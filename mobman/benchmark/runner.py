@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -22,6 +22,7 @@ from mobman.benchmark.suite import Suite, load_suite
 from mobman.benchmark.work import Job, Result, failure, jobs_of
 from mobman.benchmark.workers import preload
 from mobman.compiled import anything_kept
+from mobman.display import Displayed, Shown
 from mobman.errors import MobmanError, UsageError
 from mobman.simulation.run_spec import RunSpec
 
@@ -41,8 +42,8 @@ class Outcome:
     """Its metric task_error_max (m); NaN if there is no record."""
 
 
-@dataclass
-class Summary:
+@dataclass(repr=False)
+class Summary(Displayed):
     """Outcome of a suite."""
 
     asked: int = 0
@@ -54,6 +55,16 @@ class Summary:
     changed: list[tuple[RunSpec, str]] = field(default_factory=list)
     """Runs of ``skipped`` that mobman's present source files and libraries did not make, and the
     differences."""
+
+    def _shown(self) -> Shown:
+        done, failed = len(self.outcomes), len(self.failed)
+        line = (
+            f"Summary({self.asked} runs: {self.skipped} were there, {done} done in "
+            f"{self.seconds:.1f} s, {failed} failed)"
+        )
+        ends = Counter(outcome.status for outcome in self.outcomes)
+        facts: dict[str, object] = {"runs": self.asked, "there before": self.skipped, **ends}
+        return Shown(line, {**facts, "seconds": self.seconds, "workers": self.workers})
 
     @property
     def failed(self) -> list[Outcome]:

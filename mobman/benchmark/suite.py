@@ -7,13 +7,24 @@ from pathlib import Path
 
 from mobman.benchmark.expand import number_of_runs, runs_of
 from mobman.benchmark.suite_tables import SuiteTables
+from mobman.display import Displayed, Shown
 from mobman.resources import resource_folder
 from mobman.simulation.run_spec import RunSpec
 from mobman.toml_model import named_file, read_toml, validate
 
 
-class Suite(SuiteTables):
+class Suite(Displayed, SuiteTables):
     """A suite: what a file ``benchmarks/NAME.toml`` says."""
+
+    def _shown(self) -> Shown:
+        parts = {
+            "controllers": ", ".join(self.controllers),
+            "robots": ", ".join(dict.fromkeys(r for group in self.groups for r in group.robots)),
+            "tasks": ", ".join(dict.fromkeys(t for group in self.groups for t in group.tasks)),
+            "duration (s)": self.duration,
+        }
+        line = f"Suite({self.name!r}, {len(self.controllers)} controllers, {self.duration:g} s)"
+        return Shown(line, {"description": self.description, **parts})
 
     def runs(self) -> list[RunSpec]:
         """Every run, in the order of the file.

@@ -21,7 +21,7 @@ from mobman.controllers.gains import (
     require_positive,
     require_positive_diagonal,
 )
-from mobman.controllers.protocol import controllers
+from mobman.controllers.protocol import DisplayedLaw, controllers
 from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
 from mobman.errors import SingularityError
 from mobman.linalg import (
@@ -69,7 +69,7 @@ class RedundancyGains(TrackingGains):
             require_positive_diagonal(self, "K_F")
 
 
-class ResolvedAcceleration:
+class ResolvedAcceleration(DisplayedLaw):
     """A law that chooses an acceleration z' and gives it to the nominal robot.
 
     Subclasses say whether the task is the extended one of (13), and what acceleration they want

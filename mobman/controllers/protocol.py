@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from mobman.arrays import Array
+from mobman.display import Displayed, Shown, line_of
 from mobman.errors import UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.registry import Registry
@@ -46,6 +47,20 @@ controllers: Registry[type[Any]] = Registry(
     "controller", "mobman.controllers", "mobman.controllers"
 )
 """Classes that are made from an instance of their own ``Gains``, a dataclass, or without anything."""
+
+
+class DisplayedLaw(Displayed):
+    """Base of laws that show their name and the gains that are not the defaults."""
+
+    name: str
+    gains: Any
+
+    def _shown(self) -> Shown:
+        fields = dataclasses.fields(self.gains)
+        values = {field.name: getattr(self.gains, field.name) for field in fields}
+        defaults = type(self.gains)()
+        given = {name: v for name, v in values.items() if v != getattr(defaults, name)}
+        return Shown(line_of(type(self).__name__, self.name, given), values)
 
 
 def list_controllers() -> list[str]:

@@ -32,7 +32,7 @@ from mobman.controllers.gains import (
     require_positive,
     require_positive_diagonal,
 )
-from mobman.controllers.protocol import controllers
+from mobman.controllers.protocol import DisplayedLaw, controllers
 from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
 from mobman.errors import SingularityError
@@ -294,7 +294,7 @@ def in_force(gains: SlidingGains, dt: float, a: float, A: float, inverse: bool) 
 # The controllers --------------------------------------------------------------------------------------
 
 
-class TerminalSlidingMode:
+class TerminalSlidingMode(DisplayedLaw):
     """Kinematic stage on the extended Jacobian's transpose, v_ref' = J^T u_ref (34)-(35); dynamic
     stage on the actuation matrix's transpose, v' = B^T u (55)-(56)."""
 

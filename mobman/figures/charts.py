@@ -460,8 +460,9 @@ def run_charts(
     law: str,
     title: str,
     ended: bool,
+    shares: Mapping[str, Array] | None = None,
 ) -> list[Spec]:
-    """Draw a run against time: norms of errors, and torques.
+    """Draw a run against time: norms of errors, shares of limits, and torques.
 
     Args:
         t: Time (s).
@@ -471,6 +472,7 @@ def run_charts(
         law: Of its controller, whose colour it has.
         title: Of the figure.
         ended: True if it ended early.
+        shares: Values over their limits by name, for a panel in which 1 is marked.
     """
     duration = float(t[-1]) if len(t) and t[-1] > 0.0 else 1.0
     end = duration if ended else math.nan
@@ -483,8 +485,24 @@ def run_charts(
         curves = [Curve(law, x, y, end)]
         heading = "" if charts else title
         words = f"{axis} against time: {title}"
+        height = 150.0 if charts else 240.0
+        options: dict[str, Any] = {"duration": duration, "heading": heading, "height": height}
+        charts.append(time_chart(curves, looks, title=words, axis=axis, **options))
+    if shares:
+        curves = [Curve(name, *thin(t, values), end) for name, values in shares.items()]
+        seen = np.concatenate([curve.values for curve in curves])
+        _, high = decades([10.0, *seen[np.isfinite(seen)]])
         charts.append(
-            time_chart(curves, looks, title=words, axis=axis, duration=duration, heading=heading)
+            time_chart(
+                curves,
+                motor_looks(list(shares)),
+                title=f"Largest shares of the robot's limits against time: {title}",
+                axis="share of the limit",
+                duration=duration,
+                limits=(1e-2, high),
+                mark=1.0,
+                height=150.0,
+            )
         )
     words = f"Torques against time: {title}"
     return charts + torque_charts(t, torque, names, title=words, duration=duration, end=end)

@@ -85,6 +85,8 @@ def _still(spec: Spec, width: float, orient: str = "top") -> Spec:
     spec = {k: v for k, v in copy.deepcopy(spec).items() if k not in ("params", "$schema")}
     spec["width"] = width
     spec["layer"] = [layer for layer in spec["layer"] if layer.get("name") != "hover"]
+    for layer in spec["layer"]:  # of two views of one name, both would show the last one's data
+        layer.pop("name", None)
     for encoding in (layer["encoding"] for layer in spec["layer"]):
         encoding.pop("tooltip", None)
         if "param" in encoding.get("opacity", {}).get("condition", {}):

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import SIZES, Array, beyond_sizes
+from mobman.display import Displayed, Shown
 from mobman.errors import ModelError, UsageError
 from mobman.model.dynamics import Buffers
 from mobman.model.platforms.platform import Platform
@@ -74,7 +75,7 @@ class Geometry:
     collision: pin.GeometryModel
 
 
-class MobileManipulator:
+class MobileManipulator(Displayed):
     r"""An arm on a non-holonomic platform: everything that the equations need, from any URDF.
 
     The configuration :math:`q` is a plain vector in Pinocchio's joint order: the platform's
@@ -146,8 +147,18 @@ class MobileManipulator:
         self.tip_chain[[model.joints[i].idx_v for i in model.supports[tip.parentJoint] if i]] = 1.0
         self._of_thread = local()
 
-    def __repr__(self) -> str:
-        return f"MobileManipulator({self.name!r}, nq={self.nq}, nz={self.nz}, tip={self.tip!r})"
+    def _shown(self) -> Shown:
+        sizes = f"nq={self.nq}, nz={self.nz}, tip={self.tip!r}"
+        facts: dict[str, object] = {
+            "description": self.spec.description,
+            "platform": self.spec.platform.type,
+            "mass (kg)": float(sum(link.mass for link in self.model.inertias)),
+            "q": ", ".join(self.joint_names),
+            "z": ", ".join(self.velocity_names),
+            "source": self.spec.source,
+            "licence": self.spec.license,
+        }
+        return Shown(f"MobileManipulator({self.name!r}, {sizes})", facts)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "_of_thread"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 from collections.abc import Mapping
@@ -10,15 +11,20 @@ from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.errors import RecordError
+from mobman.display import Displayed, Shown
+from mobman.errors import MobmanError, RecordError
 from mobman.isolation import Crash, helper, limits
 from mobman.provenance import machine
-from mobman.simulation.record_file import DICTIONARIES, file_content, write_file
+from mobman.simulation.record_file import APPLIED, DICTIONARIES, file_content, write_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _ALLOWED = "allowed: a record that mobman wrote"
@@ -27,12 +33,17 @@ _SECONDS, _SECONDS_PER_MB = 2.0, 0.5
 _MEGABYTES, _MEGABYTES_PER_MB = 256.0, 100.0
 
 
-@dataclass
-class Record:
+@dataclass(repr=False)
+class Record(Displayed):
     """A run: its samples, its metrics and everything needed to repeat it.
 
     Samples are at the ticks t_0 = 0 ... t_N; N_s of them, all of them unless a file was decimated. A
     run that diverged ends at its last finite sample.
+
+    >>> import mobman as mm
+    >>> record = mm.simulate("youbot", "pseudo-inverse", "paper", duration=0.05)
+    >>> record.q.shape, record.status
+    ((51, 8), 'ok')
     """
 
     t: Array
@@ -128,8 +139,59 @@ class Record:
         """
         return file_content(vars(self), every=every, compression=compression)
 
+    def to_xarray(self) -> xr.DataTree:
+        """Make a tree of the samples, as ``xarray.open_datatree`` opens the record's file.
+
+        >>> import mobman as mm
+        >>> tree = mm.simulate("youbot", "pseudo-inverse", "paper", duration=0.05).to_xarray()
+        >>> tree["error/task"].sel(axis="z", t=0.02).dims
+        ()
+
+        Returns:
+            In memory: ``q``, ``z`` and ``torque`` at the root, groups ``tip``, ``error``, ``sliding``
+            (with a law that has such signals), ``metrics`` (attributes) and ``urdf``. Coordinates: t
+            (s) and names of joints, motors and axes; every variable has ``units`` and ``description``.
+        """
+        import xarray as xr
+
+        content = io.BytesIO(self.to_bytes(compression=0))
+        with xr.open_datatree(content, engine="h5netcdf") as tree:
+            return tree.load()
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Make a frame of the samples, a row a tick.
+
+        >>> import mobman as mm
+        >>> frame = mm.simulate("youbot", "pseudo-inverse", "paper", duration=0.05).to_pandas()
+        >>> frame.filter(like="tip/position/").columns.tolist()
+        ['tip/position/x', 'tip/position/y', 'tip/position/z']
+
+        Returns:
+            Index ``t`` (s). Columns are named by the place in the file and the component:
+            ``"q/base_x"``, ``"torque/alpha_1"``, ``"error/task/z"``, ``"sliding/s/0"``,
+            ``"compute_time"``, each in the units of that place.
+        """
+        import pandas as pd
+
+        columns: dict[str, Any] = {}
+        for group in self.to_xarray().subtree:
+            for name, values in group.data_vars.items():
+                place = f"{group.path}/{name}".lstrip("/")
+                if values.dims[:1] != ("t",):
+                    continue
+                for index in np.ndindex(values.shape[1:]):
+                    axes = zip(values.dims[1:], index, strict=True)
+                    parts = [str(values[axis].values[i]) for axis, i in axes]
+                    columns["/".join([place, *parts])] = values.values[:, *index]
+        return pd.DataFrame(columns, index=pd.Index(self.t, name="t"))
+
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
-        """Draw the norms of the errors and the torques against time.
+        """Draw errors, sliding variables, the largest shares of the robot's limits, and torques.
+
+        >>> import mobman as mm
+        >>> record = mm.simulate("youbot", "pseudo-inverse", "paper", duration=0.05)
+        >>> record.plot("run.svg").name
+        'run.svg'
 
         Args:
             path: A file, whose suffix says in which form: ``.html`` (a page with values under the
@@ -147,16 +209,54 @@ class Record:
         title = f"{self.controller} on {self.robot}, {self.task}, {self.scenario}"
         if not self.ok:
             title += f": {self.status}"
+        norms = {"|eᵉ|  (m)": self.task_error, "|eᵃ|": self.auxiliary_error}
+        sliding = {f"|{name}|": self.signals.get(f"sliding/{name}") for name in "sS"}
+        norms |= {name: values for name, values in sliding.items() if values is not None}
         specs = charts.run_charts(
             self.t,
-            {"|eᵉ|  (m)": self.task_error, "|eᵃ|": self.auxiliary_error},
+            norms,
             self.torque,
             self.velocity_names,
             law=self.controller,
             title=title,
             ended=not self.ok,
+            shares=self._shares_of_limits(),
         )
         return files.displayed(specs) if path is None else files.save(Path(path), specs, title)
+
+    def _shares_of_limits(self) -> dict[str, Array]:
+        """The largest share of a limit at each sample, shape (N_s,), by the kind of limit; 1 is at the
+        limit. Kinds of which the robot has none are left out, all of them if it cannot be built."""
+        from mobman.simulation.parts import robot_of
+        from mobman.simulation.run_spec import RunSpec
+
+        try:
+            limits = robot_of(RunSpec.of_record(self.spec).description, self.urdf).limits
+        except MobmanError:
+            return {}
+        bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+        lower, upper = limits.lower[bounded], limits.upper[bounded]
+        torque = self.signals.get(APPLIED, self.torque)
+        kinds = {
+            "position": (self.q[:, bounded] - 0.5 * (lower + upper), 0.5 * (upper - lower)),
+            "velocity": (self.z, limits.velocity),
+            "torque": (torque, limits.torque),
+        }
+        found = {}
+        for kind, (values, limit) in kinds.items():
+            stated = np.isfinite(limit) & (limit > 0.0)
+            if stated.any():
+                found[kind] = (np.abs(values[:, stated]) / limit[stated]).max(axis=1)
+        return found
+
+    def _shown(self) -> Shown:
+        error = self.metrics.get("task_error_final", np.nan)
+        run = f"{self.robot} · {self.task} · {self.scenario} · {self.controller}"
+        end = f"|e_e| {error:.3g} m" if self.ok else self.message
+        line = f"Record({run}: {self.status}, {self.t[-1]:g} s, {end})"
+        names = ("robot", "task", "scenario", "controller", "seed", "status", "message", "created")
+        facts = {name: getattr(self, name) for name in names}
+        return Shown(line, {**facts, "samples": len(self.t), **self.metrics})
 
 
 def state_sha256(*samples: Array) -> str:

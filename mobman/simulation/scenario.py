@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from mobman.arrays import Array
+from mobman.display import Displayed, Shown, line_of
 from mobman.errors import MobmanError, SpecError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.actuation import ActuationChain, actuations
@@ -90,7 +91,7 @@ MOST_PIECES = 100
 """Of one kind in a scenario."""
 
 
-class Scenario(Strict):
+class Scenario(Displayed, Strict):
     """A scenario: the content of a file ``mobman/simulation/scenarios/NAME.toml``."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
@@ -148,6 +149,11 @@ class Scenario(Strict):
         for name in names:
             load_scenario(name)
         return names
+
+    def _shown(self) -> Shown:
+        given = _given(self)
+        line = line_of("Scenario", self.name, given)
+        return Shown(line, {"description": self.description, **given})
 
     def types(self) -> list[type[Piece]]:
         """The types of its pieces."""

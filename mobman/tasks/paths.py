@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, plain
+from mobman.display import Displayed, Shown
 from mobman.errors import UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import parameter
@@ -19,8 +20,13 @@ from mobman.tasks.task import parameter
 Triple = tuple[float, float, float]
 
 
-class KernelPath:
-    """Base of paths that a kernel evaluates."""
+class KernelPath(Displayed):
+    """Base of paths that a kernel evaluates: dataclasses."""
+
+    def _shown(self) -> Shown:
+        values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        name = str(values.pop("name", ""))
+        return Shown(f"{type(self).__name__}({name!r})", values)
 
     def _kernel(self) -> tuple[Any, ...]:
         """The kernel, and its arguments between t, shape (1,), and p_d, shape (4, 3)."""
