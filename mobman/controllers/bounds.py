@@ -50,20 +50,25 @@ def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Ar
     return states
 
 
-def jacobian_bound(robot: MobileManipulator, task: Task, space: TaskSpace) -> float:
+def jacobian_bound(
+    robot: MobileManipulator, task: Task, space: TaskSpace, metric: Array | None = None
+) -> float:
     """``a = "auto"``: a tenth of the least lambda_min(J J^T) over :func:`sampled_states`, (22).
+
+    With a ``metric``, the diagonal of Omega of shape (nz,), it is that of J Omega J^T.
 
     In the implicit form a bound that is lower than need be costs nothing; one above
     lambda_min(J J^T) lets the state fall off the manifold.
     """
     none = np.zeros(robot.nz)
+    root = np.sqrt(np.ones(robot.nz) if metric is None else metric)
     least = math.inf
     for t, q in [(0.0, robot.q_rest), *sampled_states(robot, task)]:
         try:
             space.at(t, q, none)
         except SingularityError:
             continue  # (15) supposes that such configurations are not met
-        least = min(least, float(np.linalg.svd(space.J, compute_uv=False)[-1] ** 2))
+        least = min(least, float(np.linalg.svd(space.J * root, compute_uv=False)[-1] ** 2))
     return max(_MARGIN * least, _FLOOR) if math.isfinite(least) else _FLOOR
 
 

@@ -9,6 +9,7 @@ advances the integrals of both.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple
@@ -156,7 +157,7 @@ class Held(NamedTuple):
 
 
 @kernel
-def kinematic_stage(
+def kinematic_gain(
     gains: Any,
     stage: SlidingStage,
     held: Held,
@@ -167,8 +168,8 @@ def kinematic_stage(
     q: Vector,
     q_rest: Vector,
     z: Vector,
-) -> int:
-    """v_ref' = J^T u_ref (35) of u_ref (34); (43) of (44) where f and J are the tip's."""
+) -> float:
+    """Fill s, g and the drift: c/a (W + c_0) of (34), or of (44) where f and J are the tip's."""
     k, s, g, v_ref = gains[0], stage.s, stage.g, held.v_ref
     lambda_0, lambda_1, lambda_2 = stage.gains[0], stage.gains[1], stage.gains[2]
     for i in range(s.shape[0]):
@@ -188,13 +189,30 @@ def kinematic_stage(
         deviation += (q[i] - q_rest[i]) ** 2
     bound = k.w_1 + k.w_2 * math.sqrt(deviation)
     W = norm(stage.drift) + bound * (k.w_3k * norm(v_ref) * size_z + k.w_4k * size_z**3)
-    # u_ref = -c/a (W + c_0) n (34)
-    gain = k.c / k.a * (W + k.c_0)
+    return float(k.c / k.a * (W + k.c_0))
+
+
+@kernel
+def kinematic_stage(
+    gains: Any,
+    stage: SlidingStage,
+    held: Held,
+    f: Vector,
+    J: Matrix,
+    J_dot_z: Vector,
+    p_d: Matrix,
+    q: Vector,
+    q_rest: Vector,
+    z: Vector,
+) -> int:
+    """v_ref' = J^T u_ref (35) of u_ref (34); (43) of (44) where f and J are the tip's."""
+    gain = kinematic_gain(gains, stage, held, f, J, J_dot_z, p_d, q, q_rest, z)
     gram(J, stage.gram)
-    if not unit_vector(k, stage, gain):
+    # u_ref = -c/a (W + c_0) n (34)
+    if not unit_vector(gains[0], stage, gain):
         return Stop.NOT_DEFINITE
     apply_transpose(J, stage.n, held.v_ref_dot)
-    for i in range(v_ref.shape[0]):
+    for i in range(held.v_ref_dot.shape[0]):
         held.v_ref_dot[i] *= -gain
     return 0
 
@@ -332,7 +350,7 @@ class TerminalSlidingMode(DisplayedLaw):
         state = (space.f, space.J, space.J_dot_z, space.p_d, now.q, robot.q_rest, now.z)
         self._law = sequence(
             now.inertia,
-            bind(kinematic_stage, k, kinematic, held, *state),
+            *self._reference(robot, (k, kinematic, held, *state)),
             bind(dynamic_stage, k, dynamic, held, now.z, self._z_dot, now.M, now.B),
             bind(integrate, k, kinematic, dynamic, held),
         )
@@ -355,13 +373,23 @@ class TerminalSlidingMode(DisplayedLaw):
         """The sliding variables of the last tick: s of (31) and S of (51)."""
         return {"sliding/s": self._kinematic.s, "sliding/S": self._dynamic.s}
 
+    def _reference(
+        self, robot: MobileManipulator, stage: tuple[Any, ...]
+    ) -> list[Callable[[], Any]]:
+        """Entries that give v_ref', from the arguments of :func:`kinematic_stage`."""
+        return [bind(kinematic_stage, *stage)]
+
     def _task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
         return TaskSpace(robot, task, self.criterion if self.extended else None)
+
+    def _metric(self, robot: MobileManipulator) -> Array:
+        """Diagonal of the Omega in J Omega J^T, whose least eigenvalue ``a`` lies below; shape (nz,)."""
+        return np.ones(robot.nz)
 
     def _bounds(self, robot: MobileManipulator, task: Task) -> tuple[float, float]:
         a, A = self.gains.a, self.gains.A
         if isinstance(a, str):
-            a = jacobian_bound(robot, task, self._task_space(robot, task))
+            a = jacobian_bound(robot, task, self._task_space(robot, task), self._metric(robot))
         if isinstance(A, str) and self.inverse_actuation:
             A = inertia_bound(robot, task)
         elif isinstance(A, str):

@@ -11,12 +11,13 @@ LAWS = {
     "tsm": "#0072b2",
     "tsm-simplified": "#56b4e9",
     "tsm-inverse-actuation": "#009e73",
+    "tsm-null-space": "#7a5195",
     "pseudo-inverse": "#d55e00",
     "damped-least-squares": "#e69f00",
     "extended-jacobian": "#cc79a7",
 }
 _SOLID = (1.0, 0.0)
-_OTHERS = ("#7a5195", "#8c564b", "#777777")
+_OTHERS = ("#8c564b", "#777777", "#44aa99")
 MOTORS = (
     *("#4f46b8", "#56b4e9", "#1f8a4c", "#c99700", "#cc6677"),
     *("#aa4499", "#2f9e8f", "#a03060", "#777777"),

@@ -13,7 +13,7 @@ import mobman as mm
 from mobman.controllers.protocol import controllers
 from mobman.errors import GainError, UnknownNameError, UsageError
 
-SLIDING = ["tsm", "tsm-simplified", "tsm-inverse-actuation"]
+SLIDING = ["tsm", "tsm-simplified", "tsm-inverse-actuation", "tsm-null-space"]
 REDUNDANT = ["pseudo-inverse", "damped-least-squares"]
 
 
@@ -149,7 +149,7 @@ def test_alpha_1_may_be_a_text_a_number_or_a_fraction(value, ratio):
 def test_diagonal_of_a_wrong_length_is_refused_when_the_robot_is_known(law, name, youbot):
     controller = mm.make_controller(law, **{name: [1.0] * 4})
     needed = {"K_F": youbot.nq, "Lambda_0": youbot.nz, "Lambda_1": youbot.nz}.get(
-        name, 3 if law == "tsm-simplified" else youbot.nz
+        name, 3 if law in ("tsm-simplified", "tsm-null-space") else youbot.nz
     )
     with pytest.raises(GainError, match=rf"^{name} has 4 entries; needed: one number, or {needed}"):
         controller.reset(youbot, mm.make_task("paper", youbot), 1e-3)

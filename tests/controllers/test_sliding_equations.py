@@ -1,4 +1,4 @@
-"""The three laws tick by tick against the paper's equations, written out in support/reference_law.py.
+"""The laws tick by tick against the paper's equations, written out in support/reference_law.py.
 
 Closed loops would not show a wrong factor in W or chi: in the implicit form a larger gain changes
 nothing inside the unit ball. Here every gain is another number, and every one of them matters.
@@ -12,6 +12,7 @@ from support.reference_law import ReferenceLaw
 from support.states import random_states
 
 import mobman as mm
+from mobman.model.metric import base_metric
 
 GAINS = {
     "lambda_0": 1.1, "lambda_1": 9.0, "lambda_2": 5.0, "c": 1.7, "c_0": 0.8, "a": 0.3,
@@ -23,7 +24,13 @@ LAWS = {
     "tsm": {},
     "tsm-simplified": {"simplified": True},
     "tsm-inverse-actuation": {"inverse": True},
+    "tsm-null-space": {"simplified": True},
 }
+NULL_SPACE = {"kappa": 31.0, "k_v": 2.3, "k_0": 5100.0}
+
+
+def gains_of(law):
+    return GAINS | (NULL_SPACE if law == "tsm-null-space" else {})
 
 
 @pytest.mark.parametrize("layer", [0.0, 0.3])
@@ -33,10 +40,11 @@ LAWS = {
 def test_torques_are_those_of_the_equations(name, law, discretization, layer, request):
     robot = request.getfixturevalue(name)
     task, dt = mm.make_task("circle", robot), 2e-3
-    gains = {**GAINS, "discretization": discretization, "boundary_layer": layer}
+    gains = {**gains_of(law), "discretization": discretization, "boundary_layer": layer}
     controller = mm.make_controller(law, **gains)
     controller.reset(robot, task, dt)
-    reference = ReferenceLaw(robot, task, dt, gains, **LAWS[law])
+    omega = base_metric(robot) if law == "tsm-null-space" else None
+    reference = ReferenceLaw(robot, task, dt, gains, **LAWS[law], omega=omega)
     random = np.random.default_rng(60)
     q = robot.q_rest
     for tick, (_, z) in enumerate(random_states(robot, 12, seed=61)):
@@ -56,10 +64,17 @@ def test_every_gain_is_at_work(law, youbot):
     """A change of any gain changes the explicit torque within a few ticks."""
     task, dt = mm.make_task("circle", youbot), 2e-3
     # the criterion is not the simplified law's; (66) fixes w7 and w8
-    idle = {"tsm-simplified": {"c_F"}, "tsm-inverse-actuation": {"w_7", "w_8"}}.get(law, set())
+    # and the null-space stiffness is that of the stiffest motion whatever the criterion's factor
+    idle = {
+        "tsm-simplified": {"c_F"},
+        "tsm-null-space": {"c_F"},
+        "tsm-inverse-actuation": {"w_7", "w_8"},
+    }.get(law, set())
 
     def torque(**changes):
-        controller = mm.make_controller(law, **{**GAINS, "discretization": "explicit", **changes})
+        controller = mm.make_controller(
+            law, **{**gains_of(law), "discretization": "explicit", **changes}
+        )
         controller.reset(youbot, task, dt)
         random = np.random.default_rng(62)
         for tick in range(4):
@@ -68,7 +83,7 @@ def test_every_gain_is_at_work(law, youbot):
         return last
 
     usual = torque()
-    for name, value in GAINS.items():
+    for name, value in gains_of(law).items():
         changed = 3 / 5 if name == "alpha_1" else 1.1 * value
         difference = np.abs(torque(**{name: changed}) - usual).max() / np.abs(usual).max()
         assert (difference > 1e-6) == (name not in idle), name

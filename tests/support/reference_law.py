@@ -17,14 +17,17 @@ def power(x, exponent):
 class ReferenceLaw:
     """(31)-(35) and (45)-(56), or (65)-(66), with a zero-order hold; gains by the paper's names.
 
+    With ``omega``, the diagonal of a metric, (43)-(44) in it and a descent of F in the null space.
+
     What it shares with the project is f, J and J' z, which have their own tests.
     """
 
-    def __init__(self, robot, task, dt, gains, *, simplified=False, inverse=False):
+    def __init__(self, robot, task, dt, gains, *, simplified=False, inverse=False, omega=None):
         self.robot, self.dt, self.inverse = robot, dt, inverse
         self.implicit = gains["discretization"] == "implicit"
+        self.omega = None if omega is None else np.diag(omega)
         self.g = gains
-        criterion = Posture.of(robot, gains["c_F"])
+        criterion = self.criterion = Posture.of(robot, gains["c_F"])
         space = self.space = TaskSpace(robot, task, None if simplified else criterion)
         self.v_ref, self.integral_v_ref = np.zeros(robot.nz), np.zeros(robot.nz)
         self.integral_31, self.integral_51 = np.zeros(space.p), np.zeros(robot.nz)
@@ -45,8 +48,18 @@ class ReferenceLaw:
             g["w_3k"] * norm(self.v_ref) * norm(z) + g["w_4k"] * norm(z) ** 3
         )
         k = g["c"] / g["a"] * (w + g["c_0"])
-        n = self._unit(s, dt * (integrand - f.p_dddot), np.eye(len(s)), dt * k * f.J @ f.J.T)
-        v_ref_dot = f.J.T @ (-k * n)
+        omega = np.eye(len(z)) if self.omega is None else self.omega
+        gram = f.J @ omega @ f.J.T
+        n = self._unit(s, dt * (integrand - f.p_dddot), np.eye(len(s)), dt * k * gram)
+        v_ref_dot = omega @ f.J.T @ (-k * n)
+        if self.omega is not None:
+            c, rest = self.robot.velocity_map(q), self.robot.velocity_map(self.robot.q_rest)
+            stiffness = omega @ rest.T @ self.criterion.hessian(q) @ rest
+            descent = omega @ c.T @ self.criterion.gradient(q)
+            a_n = -g["k_v"] * z - g["k_0"] * descent / np.linalg.eigvals(stiffness).real.max()
+            y = -g["kappa"] / (1 + g["kappa"] * dt) * (self.v_ref - a_n)
+            damped = gram + 1e-8 * np.trace(gram) / len(s) * np.eye(len(s))
+            v_ref_dot = v_ref_dot + y - omega @ f.J.T @ np.linalg.solve(damped, f.J @ y)
         # dynamic stage
         alpha_1 = g["alpha_1"]
         e, e_dot = z - self.integral_v_ref, z_dot - self.v_ref

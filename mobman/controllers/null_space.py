@@ -1,0 +1,163 @@
+r"""The law ``tsm-null-space``: the simplified law (43)-(44) made stable, in a metric of the base.
+
+(43) drives the tip alone and leaves the rest of z to itself, which drifts away on most platforms. Here
+the reference acceleration's part that the tip does not see descends the criterion F, damped:
+
+.. math:: \dot v_{ref} = \Omega j_e^T u_{ref} + (I - \Omega j_e^T (j_e \Omega j_e^T)^{-1} j_e)\,y,
+    \quad y = -\kappa (v_{ref} - a_N),
+    \quad a_N = -k_v z - \frac{k_0}{\lambda_{max}} \Omega C^T \frac{\partial F}{\partial q},
+
+with :math:`\lambda_{max}` the largest eigenvalue of :math:`\Omega C^T H C` at rest, so that k_0 is the
+stiffness of the stiffest motion. Nothing of the extended Jacobian is needed, and its algorithmic
+singularities do not exist; F reaches its constrained minimum by descent, not by f_a = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel
+from mobman.controllers.gains import gain, require_not_negative, require_positive
+from mobman.controllers.protocol import controllers
+from mobman.controllers.task_errors import Stop
+from mobman.controllers.tsm import (
+    Held,
+    SlidingGains,
+    SlidingStage,
+    TerminalSlidingMode,
+    kinematic_gain,
+    unit_vector,
+)
+from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, copy, dot
+from mobman.model.criterion import criterion_entry
+from mobman.model.metric import base_metric
+from mobman.model.mobile_manipulator import MobileManipulator
+
+_DAMPING = 1e-8
+"""Of the projector, over the mean eigenvalue of j_e Omega j_e^T. Where j_e loses rank the projector
+stays finite; elsewhere the tip sees so small a part of y, which the sliding mode takes away."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NullSpaceGains(SlidingGains):
+    """Gains of both stages, and of the descent of the criterion that the tip does not see."""
+
+    kappa: float = gain(
+        50.0, "s^-1", "rate at which v_ref reaches a_N where the tip does not see it"
+    )
+    k_v: float = gain(4.0, "s^-1", "null-space damping, -k_v z in a_N")
+    k_0: float = gain(4.0, "s^-2", "null-space stiffness, that of the stiffest motion, in a_N")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "kappa", "k_v")
+        require_not_negative(self, "k_0")
+
+
+class NullSpaceSlidingMode(TerminalSlidingMode):
+    """Kinematic stage (43)-(44) on the tip's Jacobian in a metric of the base, with a damped descent of
+    the criterion in the null space; dynamic stage as in ``tsm`` (55)-(56)."""
+
+    name = "tsm-null-space"
+    gains: NullSpaceGains
+    Gains = NullSpaceGains
+    extended = False
+
+    def _metric(self, robot: MobileManipulator) -> Array:
+        return base_metric(robot)
+
+    def _reference(
+        self, robot: MobileManipulator, stage: tuple[Any, ...]
+    ) -> list[Callable[[], Any]]:
+        gains, now, p, nq, nz = self.gains, self._now, self._space.p, robot.nq, robot.nz
+        omega, C = base_metric(robot), robot.velocity_map(robot.q_rest)
+        root = np.sqrt(omega)[:, None]
+        # Omega^1/2 C^T H C Omega^1/2 has the eigenvalues of Omega C^T H C
+        stiffness = root * (C.T @ self.criterion.hessian(robot.q_rest) @ C) * root.T
+        largest = float(np.abs(np.linalg.eigvalsh(stiffness)).max())
+        g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
+        descent = Descent(
+            *(omega, now.C, g),
+            *(np.zeros((p, nz)), np.zeros((p, p)), np.zeros(nz), np.zeros(p)),
+        )
+        k_0 = float(gains.k_0) / largest if largest > 0.0 else 0.0
+        return [
+            criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate),
+            bind(null_space_stage, *stage, descent, float(gains.kappa), float(gains.k_v), k_0),
+        ]
+
+
+class Descent(NamedTuple):
+    """Metric and criterion of the null space's motion, and work space."""
+
+    omega: Vector
+    """Diagonal of Omega, shape (nz,)."""
+    C: Matrix
+    g: Vector
+    """dF/dq, shape (nq,)."""
+    J_omega: Matrix
+    """j_e Omega, shape (m, nz)."""
+    lower: Matrix
+    y: Vector
+    seen: Vector
+
+
+@kernel
+def null_space_stage(
+    gains: Any,
+    stage: SlidingStage,
+    held: Held,
+    f: Vector,
+    J: Matrix,
+    J_dot_z: Vector,
+    p_d: Matrix,
+    q: Vector,
+    q_rest: Vector,
+    z: Vector,
+    descent: Descent,
+    kappa: float,
+    k_v: float,
+    k_0: float,
+) -> int:
+    """v_ref' = Omega j_e^T u_ref, with u_ref of (44), plus what the tip does not see of y."""
+    omega, J_omega, lower = descent.omega, descent.J_omega, descent.lower
+    y, seen = descent.y, descent.seen
+    k, p, nz = gains[0], J.shape[0], J.shape[1]
+    gain = kinematic_gain(gains, stage, held, f, J, J_dot_z, p_d, q, q_rest, z)
+    trace = 0.0
+    for i in range(p):
+        for j in range(nz):
+            J_omega[i, j] = J[i, j] * omega[j]
+        for j in range(i + 1):
+            stage.gram[i, j] = stage.gram[j, i] = dot(J_omega[i], J[j])
+        trace += stage.gram[i, i]
+    copy(stage.gram, lower)
+    for i in range(p):
+        lower[i, i] += _DAMPING * trace / p
+    if cholesky(lower, lower) != 0:
+        return Stop.NO_ACCELERATION
+    # u_ref = -c/a (W + c_0) n (44)
+    if not unit_vector(k, stage, gain):
+        return Stop.NOT_DEFINITE
+    apply_transpose(J_omega, stage.n, held.v_ref_dot)
+    # y = -kappa (v_ref - a_N), at the tick's end: stable for every kappa dt
+    rate = kappa / (1.0 + kappa * k.dt)
+    apply_transpose(descent.C, descent.g, y)
+    for j in range(nz):
+        y[j] = -rate * (held.v_ref[j] + k_v * z[j] + k_0 * omega[j] * y[j])
+    # (I - Omega j_e^T (j_e Omega j_e^T)^-1 j_e) y
+    apply(J, y, seen)
+    cholesky_solve(lower, seen, seen)
+    for j in range(nz):
+        held.v_ref_dot[j] = y[j] - gain * held.v_ref_dot[j]
+        for i in range(p):
+            held.v_ref_dot[j] -= J_omega[i, j] * seen[i]
+    return 0
+
+
+controllers.register(NullSpaceSlidingMode.name, NullSpaceSlidingMode)
