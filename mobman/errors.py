@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 FOREIGN_ERRORS = (Exception, SystemExit)
 """What code that is not mobman's may raise: a plugin or a user's class may call ``sys.exit``."""
@@ -46,7 +46,17 @@ class SpecError(UsageError):
     """A description (robot, scenario, suite) that is not valid.
 
     The message names the file, the field, what was found and what is allowed.
+
+    Args:
+        message: All of it.
+        heading: What is wrong, where there are several faults.
+        faults: Each of them; the command line prints a line for each.
     """
+
+    def __init__(self, message: str, heading: str = "", faults: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.heading = heading
+        self.faults = tuple(faults)
 
 
 class ModelError(MobmanError):

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 from mobman.arrays import SIZES, beyond_sizes
 from mobman.errors import SpecError, UnknownNameError
 from mobman.input_file import read_input
+from mobman.toml_lines import Place, TomlLines
 
 _MEGABYTES = 1.0
 
@@ -79,13 +80,14 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         raise SpecError(f"{where}: {error}{advice}") from error
 
 
-def validate(model: type[M], content: Any, origin: str) -> M:
+def validate(model: type[M], content: Any, origin: str, lines: TomlLines | None = None) -> M:
     """``content`` as ``model``.
 
     Args:
         model: The description's class.
         content: What was read or given.
         origin: What to call it in messages, usually the file.
+        lines: Of the file, for messages with the line of each fault.
 
     Raises:
         SpecError: With one clause for each wrong field: its name, what was found, what is allowed.
@@ -93,14 +95,39 @@ def validate(model: type[M], content: Any, origin: str) -> M:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise SpecError(f"{origin}: {describe(model, error)}") from error
+        clauses = _clauses(model, error)
+        faults = clauses if lines is None else at_lines(clauses, lines)
+        raise SpecError(f"{origin}: {'; '.join(faults)}", origin, list(faults)) from error
     except SpecError as error:
         raise SpecError(f"{origin}: {error}") from error
 
 
+def at_lines(
+    faults: Mapping[str, Place], lines: TomlLines, words: Mapping[str, str] | None = None
+) -> list[str]:
+    """Faults in the order of the file, with their lines.
+
+    Args:
+        faults: Each with the place of its field.
+        lines: Of the file.
+        words: Of a fault, a text of the field's value.
+    """
+    found = {
+        fault: lines.line(place, (words or {}).get(fault, "")) for fault, place in faults.items()
+    }
+    numbered = [(line or 0, fault) for fault, line in found.items()]
+    numbered.sort(key=lambda item: item[0])
+    return [f"line {line}: {fault}" if line else fault for line, fault in numbered]
+
+
 def describe(model: type[BaseModel], error: ValidationError) -> str:
     """All of a validation's errors in one line."""
-    clauses = []
+    return "; ".join(_clauses(model, error))
+
+
+def _clauses(model: type[BaseModel], error: ValidationError) -> dict[str, Place]:
+    """A validation's errors, each with the place of its field."""
+    clauses: dict[str, Place] = {}
     for item in error.errors():
         # the branches of a union ("float", "constrained-float", "list[float]") are no fields
         loc = [part for part in item["loc"] if str(part) not in ("int", "float", "str")]
@@ -108,18 +135,17 @@ def describe(model: type[BaseModel], error: ValidationError) -> str:
         field = ".".join(str(part) for part in loc)
         message = item["msg"].removeprefix("Value error, ")
         if not loc and item["type"] == "value_error":  # of several fields together
-            clauses.append(message)
+            clause = message
         elif item["type"] == "extra_forbidden":
-            clauses.append(
-                f"field {field!r} is unknown; allowed beside it: {_siblings(model, item)}"
-            )
+            clause = f"field {field!r} is unknown; allowed beside it: {_siblings(model, item)}"
         elif item["type"] == "missing":
-            clauses.append(f"field {field!r} is missing")
+            clause = f"field {field!r} is missing"
         else:
             found = repr(item["input"])
             found = found if len(found) <= 60 else found[:57] + "..."
-            clauses.append(f"field {field or '(whole)'!r} is {found}: {message}")
-    return "; ".join(dict.fromkeys(clauses))
+            clause = f"field {field or '(whole)'!r} is {found}: {message}"
+        clauses.setdefault(clause, tuple(loc))
+    return clauses
 
 
 def _siblings(model: type[BaseModel], item: Any) -> str:

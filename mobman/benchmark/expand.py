@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import product
@@ -19,6 +20,8 @@ from mobman.robots.catalogue import find_spec, list_robots
 from mobman.simulation.run_spec import RunSpec, fingerprint, foreign_code_sha256
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.task import check_parameters, make_task, task_parameters, tasks
+from mobman.toml_lines import Place, TomlLines
+from mobman.toml_model import at_lines
 
 MOST_RUNS = 100_000
 """Of a group: what is held in memory of a suite, and listed, grows with them."""
@@ -27,15 +30,19 @@ MOST_ENTRIES = 10_000
 T = TypeVar("T")
 
 
-def runs_of(suite: SuiteTables) -> list[RunSpec]:
+def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]:
     """Every run of a suite, in the order of the file.
+
+    Args:
+        suite: The suite.
+        lines: Of its file, for messages.
 
     Raises:
         SpecError: With everything that is wrong, also with entries that no run is of: names, gains,
             parameters, grids, overrides, and runs that are there twice under different names or with
             different gains.
     """
-    problems = _Problems(suite.name)
+    problems = _Problems(suite.name, lines)
     expansion = _Expansion(suite, problems)
     expansion.check()
     planned = list(expansion.planned())
@@ -56,14 +63,18 @@ def runs_of(suite: SuiteTables) -> list[RunSpec]:
     return list(runs.values())
 
 
-def number_of_runs(suite: SuiteTables) -> int:
+def number_of_runs(suite: SuiteTables, lines: TomlLines | None = None) -> int:
     """Number of a suite's runs, by the names alone: no robot is loaded and no gain is checked.
+
+    Args:
+        suite: The suite.
+        lines: Of its file, for messages.
 
     Raises:
         SpecError: With all names that are unknown, grids that are not valid, and overrides that fit no
             run.
     """
-    problems = _Problems(suite.name)
+    problems = _Problems(suite.name, lines)
     found = {plan._replace(where="", gains=None) for plan in _Expansion(suite, problems).planned()}
     problems.require_none()
     return len(found)
@@ -72,8 +83,8 @@ def number_of_runs(suite: SuiteTables) -> int:
 class _Problems:
     """Faults of a suite, each once and in the order in which they are met."""
 
-    def __init__(self, suite: str) -> None:
-        self._suite = suite
+    def __init__(self, suite: str, lines: TomlLines | None) -> None:
+        self._suite, self._lines = suite, lines
         self._found: dict[str, None] = {}
 
     def note(self, problem: str) -> None:
@@ -96,7 +107,24 @@ class _Problems:
             SpecError: With all that was noted, if anything was.
         """
         if self._found:
-            raise SpecError(f"suite {self._suite!r}: " + "; ".join(self._found))
+            faults, heading = list(self._found), f"suite {self._suite!r}"
+            if self._lines is not None:
+                words = {fault: found[1] for fault in faults if (found := _UNKNOWN.search(fault))}
+                faults = at_lines({f: _place_of(f) for f in faults}, self._lines, words)
+            raise SpecError(f"{heading}: {'; '.join(faults)}", heading, faults)
+
+
+_UNKNOWN = re.compile(r"\bunknown [^']*'([^']+)'")
+_NUMBERED = re.compile(r"\b(groups|overrides)\.(\d+)")
+_LABELLED = re.compile(r"(controller|task|scenario)s?[ .]'?([A-Za-z0-9_.-]+)")
+
+
+def _place_of(fault: str) -> Place:
+    """The table of the suite's file that a fault names; () if it names none."""
+    if found := _NUMBERED.search(fault):
+        return found[1], int(found[2])
+    found = _LABELLED.match(fault)
+    return (f"{found[1]}s", found[2]) if found else ()
 
 
 class _Table:

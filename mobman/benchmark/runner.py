@@ -15,6 +15,7 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from mobman.benchmark.backends import AnyExecutor, Backend, Cluster, Local, default_workers
 from mobman.benchmark.store import Store
@@ -25,6 +26,9 @@ from mobman.compiled import anything_kept
 from mobman.display import Displayed, Shown
 from mobman.errors import MobmanError, UsageError
 from mobman.simulation.run_spec import RunSpec
+
+if TYPE_CHECKING:
+    from mobman.benchmark.report.report import ReportFiles
 
 _TRIES = 2  # of a run whose worker is lost, or that ran out of time or memory
 _LOOK = 0.5  # s, from one look at the workers to the next
@@ -55,6 +59,8 @@ class Summary(Displayed):
     changed: list[tuple[RunSpec, str]] = field(default_factory=list)
     """Runs of ``skipped`` that mobman's present source files and libraries did not make, and the
     differences."""
+    report: ReportFiles | None = None
+    """Paths of the report, if it was written."""
 
     def _shown(self) -> Shown:
         done, failed = len(self.outcomes), len(self.failed)
@@ -64,7 +70,8 @@ class Summary(Displayed):
         )
         ends = Counter(outcome.status for outcome in self.outcomes)
         facts: dict[str, object] = {"runs": self.asked, "there before": self.skipped, **ends}
-        return Shown(line, {**facts, "seconds": self.seconds, "workers": self.workers})
+        facts |= {"seconds": self.seconds, "workers": self.workers}
+        return Shown(line, facts | ({"report": self.report.html} if self.report else {}))
 
     @property
     def failed(self) -> list[Outcome]:
@@ -125,9 +132,10 @@ def run_suite(
     redo_changed: bool = False,
     part: tuple[int, int] | None = None,
     time_limit: float | None = None,
+    report: bool = True,
     on_event: Callable[[Event], None] | None = None,
 ) -> Summary:
-    """Do the runs of a suite that are not in the folder yet.
+    """Do the runs of a suite that are not in the folder yet, and write its report.
 
     By default in processes of this machine. Only this process writes to the folder; workers send what
     they have, and need no file system in common with it.
@@ -145,6 +153,7 @@ def run_suite(
         part: ``(k, n)``: only every n-th run, from the k-th on, the first being 1; so that n machines
             share a suite.
         time_limit: Wall time that a run may take (s); the suite's by default.
+        report: True to write the report of all runs at the end; none is written of a part.
         on_event: Function that is called with each event.
 
     Raises:
@@ -182,9 +191,29 @@ def run_suite(
     todo = [run for run in runs if run.run_id not in ids]
     summary = Summary(asked=len(runs), skipped=len(there), changed=changed)
     tell(Started(summary.asked, summary.skipped, tuple(todo)))
-    if not todo:
+    if todo:
+        _do(todo, summary, store, limit, tell, executor=executor, workers=workers, dask=dask)
+    else:
         store.finish()
-        return summary
+    if report and part is None:
+        from mobman.benchmark.report.report import report_on  # which takes a second
+
+        summary.report = report_on(folder)
+    return summary
+
+
+def _do(
+    todo: list[RunSpec],
+    summary: Summary,
+    store: Store,
+    limit: float,
+    tell: Callable[[Event], None],
+    *,
+    executor: Executor | Callable[[], Executor] | None,
+    workers: int | None,
+    dask: str | None,
+) -> None:
+    """Do runs, and put their results into the folder and what came of them into the summary."""
     started = time.monotonic()
     backend: Backend
     if dask is not None:
@@ -220,7 +249,6 @@ def run_suite(
             ) from error
     summary.seconds = time.monotonic() - started
     store.finish(summary.seconds, summary.workers)
-    return summary
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import cached_property
 from pathlib import Path
 
 from mobman.benchmark.expand import number_of_runs, runs_of
@@ -10,11 +11,17 @@ from mobman.benchmark.suite_tables import SuiteTables
 from mobman.display import Displayed, Shown
 from mobman.resources import resource_folder
 from mobman.simulation.run_spec import RunSpec
+from mobman.toml_lines import TomlLines
 from mobman.toml_model import named_file, read_toml, validate
 
 
 class Suite(Displayed, SuiteTables):
     """A suite: what a file ``benchmarks/NAME.toml`` says."""
+
+    @cached_property
+    def lines(self) -> TomlLines | None:
+        """Lines of its file, for messages; None if it is not of a file."""
+        return None
 
     def _shown(self) -> Shown:
         parts = {
@@ -32,7 +39,7 @@ class Suite(Displayed, SuiteTables):
         Raises:
             SpecError: With everything that is wrong: unknown names, labels and gains.
         """
-        return runs_of(self)
+        return runs_of(self, self.lines)
 
     def size(self) -> int:
         """Number of runs, by the names alone.
@@ -40,7 +47,7 @@ class Suite(Displayed, SuiteTables):
         Raises:
             SpecError: With all names that are unknown.
         """
-        return number_of_runs(self)
+        return number_of_runs(self, self.lines)
 
 
 def list_suites() -> list[str]:
@@ -56,7 +63,11 @@ def load_suite(name_or_path: str | os.PathLike[str]) -> Suite:
         SpecError: If the file is not valid.
     """
     path = named_file("suite", name_or_path, _files())
-    return validate(Suite, read_toml(path, "suite file"), str(path))
+    content = read_toml(path, "suite file")
+    lines = TomlLines(path.read_text(encoding="utf-8-sig"))
+    suite = validate(Suite, content, str(path), lines)
+    vars(suite)["lines"] = lines
+    return suite
 
 
 def _files() -> dict[str, Path]:

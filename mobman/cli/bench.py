@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from mobman.cli.names import complete
 from mobman.cli.output import (
     FOLDER,
     JSON,
@@ -17,11 +19,13 @@ from mobman.cli.output import (
     echo,
     print_json,
     table,
+    verbosity,
 )
 from mobman.cli.progress import SuiteDisplay, TuningDisplay, interrupted_once
 from mobman.printable import printable
 
 if TYPE_CHECKING:
+    from mobman.benchmark.report.report import ReportFiles
     from mobman.benchmark.runner import Summary
     from mobman.simulation.run_spec import RunSpec
 
@@ -47,11 +51,12 @@ def list_command(as_json: bool) -> None:
         print_json(rows)
     else:
         values = [row.values() for row in rows]
-        console().print(table("suite", "runs", "description", rows=values, right={"runs"}))
+        heads = ("suite", "runs", "description")
+        console().print(table(*heads, rows=values, right={"runs"}, names={"suite"}))
 
 
 @bench.command("show")
-@click.argument("suite")
+@click.argument("suite", **complete("suites"))
 @click.option("--runs", "each", is_flag=True, help="List every run.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, with every run.")
 def show_command(suite: str, each: bool, as_json: bool) -> None:
@@ -84,7 +89,7 @@ def show_command(suite: str, each: bool, as_json: bool) -> None:
     for part in (
         f"{chosen.name}: {chosen.description}",
         contents,
-        table(*headings, rows=_controllers(runs)),
+        table(*headings, rows=_controllers(runs), names={"controller", "law"}),
     ):
         console().print(part)
     if each:
@@ -126,7 +131,7 @@ def _part(
 
 
 @bench.command("run")
-@click.argument("suite")
+@click.argument("suite", **complete("suites"))
 @click.option(
     "-o", "--output", type=FOLDER, help="Folder of the results; results/SUITE by default."
 )
@@ -149,8 +154,14 @@ def _part(
     metavar="S",
     help="Wall time that a run may take (s); the suite's by default.",
 )
+@JSON
+@verbosity
 def run_command(
-    suite: str, output: Path | None, part: tuple[int, int] | None, **options: Any
+    suite: str,
+    output: Path | None,
+    part: tuple[int, int] | None,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Run SUITE (a name or a TOML file), write its report and print its leaderboard.
 
@@ -173,22 +184,21 @@ def run_command(
             with display:
                 summary = run_suite(chosen, folder, part=part, on_event=display.tell, **options)
         except KeyboardInterrupt:
+            if 0 < display.asked == display.there:
+                _leave(
+                    f"interrupted; all runs are kept in {folder}, their report is written by: "
+                    f"mobman bench report {folder}"
+                )
             _leave(
                 f"interrupted after {display.there} of {display.asked} runs; what was done is kept in "
                 f"{folder}, the same command goes on from there"
                 if display.asked
                 else "interrupted before the first run"
             )
-    _tell(summary)
-    if part is None:
-        try:
-            _report(folder, leaderboard=True)
-        except KeyboardInterrupt:
-            _leave(
-                f"interrupted; all runs are kept in {folder}, their report is written by: "
-                f"mobman bench report {folder}"
-            )
-    else:
+    _tell(summary, as_json, folder)
+    if summary.report is not None and not as_json:
+        _tell_report(summary.report, leaderboard=True)
+    elif part is not None and not as_json:
         echo(
             f"part {part[0]} of {part[1]} is in {folder}; the parts are joined by: "
             "mobman bench merge FOLDERS -o FOLDER"
@@ -202,7 +212,21 @@ def _leave(message: str) -> None:
     raise click.exceptions.Exit(130) from None
 
 
-def _tell(summary: Summary) -> None:
+def _tell(summary: Summary, as_json: bool, folder: Path) -> None:
+    if as_json:
+        outcomes = [
+            {
+                "run_id": outcome.run.run_id,
+                "run": str(outcome.run),
+                "status": outcome.status,
+                "message": outcome.message,
+                "task_error_max": outcome.task_error,
+            }
+            for outcome in summary.outcomes
+        ]
+        counts = {key: getattr(summary, key) for key in ("asked", "skipped", "seconds", "workers")}
+        report = None if summary.report is None else str(summary.report.html)
+        print_json({"folder": str(folder), **counts, "outcomes": outcomes, "report": report})
     done = f"{summary.asked} runs: {summary.skipped} were there"
     if summary.outcomes:
         ended = sum(outcome.status in ("diverged", "singular") for outcome in summary.outcomes)
@@ -211,7 +235,8 @@ def _tell(summary: Summary) -> None:
             f"{'worker' if summary.workers == 1 else 'workers'}; {ended} of these diverged or met a "
             f"singularity, {len(summary.failed)} failed"
         )
-    echo(done)
+    if not as_json:
+        echo(done)
     differences = dict.fromkeys(difference for _, difference in summary.changed)
     for difference in differences:
         count = sum(other == difference for _, other in summary.changed)
@@ -228,7 +253,7 @@ def _tell(summary: Summary) -> None:
 
 
 @bench.command("tune")
-@click.argument("suite")
+@click.argument("suite", **complete("suites"))
 @click.option(
     "-o", "--output", type=FOLDER, help="Folder of the results; results/SUITE-tuning by default."
 )
@@ -242,6 +267,7 @@ def _tell(summary: Summary) -> None:
 )
 @click.option("--fresh", is_flag=True, help="Begin again, also where trials are there already.")
 @JSON
+@verbosity
 def tune_command(
     suite: str,
     output: Path | None,
@@ -293,7 +319,7 @@ def tune_command(
         print_json({**files, **times, "controllers": tuned, "not_tuned": dict(result.left_out)})
         return
     numbers, out = ("trials", "score", "tuned", "trial"), console()
-    listing = table("controller", *numbers, "gains", right=numbers)
+    listing = table("controller", *numbers, "gains", right=numbers, names={"controller"})
     for label, row in tuned.items():
         trials, *scores, trial, found = row.values()
         gains = ", ".join(f"{name} = {value:g}" for name, value in found.items())
@@ -321,17 +347,26 @@ def tune_command(
 )
 @click.option("--latex", type=FOLDER, help="Write LaTeX tables and figures as PDF here, too.")
 @click.option("--replays", is_flag=True, help="Write a page of each run, FOLDER/replays/ID.html.")
-def report_command(folder: Path, replays: bool, **options: Any) -> None:
-    """Write the report of the results in FOLDER again, and its index."""
-    _report(folder, write_replay=_write_replay if replays else None, **options)
-
-
-def _report(
-    folder: Path, *, latex: Path | None = None, leaderboard: bool = False, **options: Any
+@JSON
+@verbosity
+def report_command(
+    folder: Path, replays: bool, latex: Path | None, as_json: bool, **options: Any
 ) -> None:
+    """Write the report of the results in FOLDER again, and its index."""
     from mobman.benchmark.report.report import report_on
 
-    files = report_on(folder, latex=latex, **options)
+    write_replay = _write_replay if replays else None
+    files = report_on(folder, latex=latex, write_replay=write_replay, **options)
+    if as_json:
+        found = {key: str(getattr(files, key)) for key in ("html", "markdown", "csv")}
+        print_json({**found, "latex": None if latex is None else str(latex / "example.tex")})
+        return
+    _tell_report(files)
+    if latex is not None:
+        echo(f"LaTeX:  {latex / 'example.tex'}")
+
+
+def _tell_report(files: ReportFiles, *, leaderboard: bool = False) -> None:
     if leaderboard and files.leaderboard is not None:
         heads = [column.text for column in files.leaderboard.columns]
         narrow = [i for i, head in enumerate(heads) if head not in _WIDE]
@@ -339,12 +374,11 @@ def _report(
             *(heads[i] for i in narrow),
             rows=[[printable(row[i].text) for i in narrow] for row in files.leaderboard.rows],
             right={column.text for column in files.leaderboard.columns if column.number},
+            names={heads[narrow[0]]},
         )
         console().print(listing)
     echo(f"report: {files.html}")
     echo(f"        {files.markdown}")
-    if latex is not None:
-        echo(f"LaTeX:  {latex / 'example.tex'}")
 
 
 def _write_replay(record: Path, page: Path, instant: float | None) -> None:
@@ -367,7 +401,9 @@ def _write_replay(record: Path, page: Path, instant: float | None) -> None:
     type=FOLDER,
     help="Folder that gets everything; new, or with results of the same suite.",
 )
-def merge_command(folders: tuple[Path, ...], output: Path) -> None:
+@JSON
+@verbosity
+def merge_command(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
     """Join FOLDERS of one suite's results into another folder.
 
     The folders are left as they are. Exit status 1 if a record could not be read, or two folders
@@ -380,9 +416,12 @@ def merge_command(folders: tuple[Path, ...], output: Path) -> None:
         echo(f"mobman: left out: {message}", err=True)
     for message in merged.conflicts:
         echo(f"mobman: conflict, the first is kept: {message}", err=True)
-    echo(
-        f"{output}: {merged.there} of {merged.asked} runs, {merged.copied} copied; the "
-        f"report is written by: mobman bench report {output}"
-    )
+    if as_json:
+        print_json({"folder": str(output), **asdict(merged)})
+    else:
+        echo(
+            f"{output}: {merged.there} of {merged.asked} runs, {merged.copied} copied; the "
+            f"report is written by: mobman bench report {output}"
+        )
     if merged.unusable or merged.conflicts:
         raise click.exceptions.Exit(1)

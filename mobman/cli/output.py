@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mobman.errors import UsageError
 from mobman.printable import printable
 
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -20,11 +21,56 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 PORT = click.IntRange(0, 65535)
 POSITIVE = click.FloatRange(min=0, min_open=True)
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+FORCE = click.option("--force", is_flag=True, help="Replace a file that is there.")
+_LEVEL = "mobman.cli.level"
+_NARROWEST = 16  # characters that are kept of a name
+
+
+def _set_level(context: click.Context, parameter: click.Parameter, given: bool) -> None:
+    if given:
+        context.meta[_LEVEL] = -1 if parameter.name == "quiet" else 1
+
+
+_FLAG: dict[str, Any] = {"is_flag": True, "expose_value": False, "callback": _set_level}
+_QUIET = click.option(
+    "-q", "--quiet", **_FLAG, help="Print errors alone, and what --json asks for."
+)
+_VERBOSE = click.option("-v", "--verbose", **_FLAG, help="Print more.")
+
+
+def verbosity(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator: the options -q and -v, see :func:`level`."""
+    return _QUIET(_VERBOSE(command))
+
+
+def level() -> int:
+    """How much the running command is to print: -1 errors alone, 0 as usual, 1 more."""
+    context = click.get_current_context(silent=True)
+    found: int = 0 if context is None else context.meta.get(_LEVEL, 0)
+    return found
+
+
+def check_new(path: Path, *, suffixes: Collection[str], force: bool) -> None:
+    """Refuse a file to write before anything is computed.
+
+    Args:
+        path: The file.
+        suffixes: Those that it may have, in small letters.
+        force: True if a file that is there may be replaced.
+
+    Raises:
+        UsageError: If its suffix is another, or it is there already.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise UsageError(f"-o {str(path)!r} does not end in {' or '.join(sorted(suffixes))}")
+    if path.exists() and not force:
+        raise UsageError(f"{path} is there already; choose another -o, or add --force")
 
 
 def echo(text: str = "", *, err: bool = False) -> None:
-    """Print a printable line on stdout, or on stderr."""
-    click.echo(printable(text), err=err)
+    """Print a printable line on stdout, unless there is -q, or on stderr."""
+    if err or level() >= 0:
+        click.echo(printable(text), err=err)
 
 
 class _Console(Console):
@@ -42,7 +88,8 @@ def console(*, stderr: bool = False) -> Console:
 
     What is printed is taken as it is: names and files may have brackets or colons.
     """
-    return _Console(stderr=stderr, highlight=False, markup=False, emoji=False)
+    quiet = level() < 0
+    return _Console(stderr=stderr, quiet=quiet, highlight=False, markup=False, emoji=False)
 
 
 def table(
@@ -50,6 +97,7 @@ def table(
     rows: Iterable[Iterable[object]] = (),
     right: Collection[str] = (),
     no_wrap: bool = False,
+    names: Collection[str] = (),
 ) -> Table:
     """A table without lines.
 
@@ -58,13 +106,29 @@ def table(
         rows: What stands in the first rows.
         right: Headings of the columns that are aligned right.
         no_wrap: Whether the cells stay on one line.
+        names: Headings of the columns of names: on one line, shortened in the middle if they would
+            take more than a third of the terminal.
     """
     made = Table(box=None, pad_edge=False, show_header=bool(headings))
     for heading in headings:
-        made.add_column(heading, justify="right" if heading in right else "left", no_wrap=no_wrap)
+        one_line = no_wrap or heading in names
+        side: Any = "right" if heading in right else "left"
+        made.add_column(heading, justify=side, no_wrap=one_line)
+    most = max(console().width // 3, _NARROWEST)
     for row in rows:
-        made.add_row(*map(str, row))
+        texts = [*map(str, row)]
+        heads = headings or ("",) * len(texts)
+        cells = zip(heads, texts, strict=True)
+        made.add_row(*(shortened(text, most) if head in names else text for head, text in cells))
     return made
+
+
+def shortened(text: str, most: int) -> str:
+    """A text of so many characters at most: what is too long loses its middle."""
+    if len(text) <= most:
+        return text
+    end = (most - 1) // 2
+    return f"{text[: most - 1 - end]}…{text[-end:]}"
 
 
 def print_json(value: Any) -> None:

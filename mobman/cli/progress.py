@@ -18,13 +18,21 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from mobman.cli.output import console, echo, number
+from mobman.cli.output import console, echo, level, number
 from mobman.printable import printable
 
 if TYPE_CHECKING:
     from mobman.benchmark.runner import Event
     from mobman.benchmark.tuning.search import Step
     from mobman.benchmark.tuning.tune import Plan
+
+
+_TIMES = (
+    TextColumn("elapsed"),
+    TimeElapsedColumn(),
+    TextColumn("left"),
+    TimeRemainingColumn(),
+)
 
 
 @contextmanager
@@ -35,10 +43,10 @@ def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TaskProgressColumn(),
-        TimeRemainingColumn(),
+        *_TIMES,
         console=screen,
         transient=True,
-        disable=not screen.is_terminal,
+        disable=not screen.is_terminal or screen.quiet,
     ) as progress:
         bar = progress.add_task(printable(text), total=1.0)
         yield lambda fraction: progress.update(bar, completed=fraction)
@@ -79,8 +87,7 @@ class Display:
         counts, note = (
             TextColumn(f"{{task.fields[{name}]}}", markup=False) for name in ("counts", "note")
         )
-        times = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
-        columns = (counts, BarColumn(), *times, note)
+        columns = (counts, BarColumn(), *_TIMES, note)
         self._progress = Progress(*columns, console=self._console, disable=not self.live, **options)
         self._bar = self._progress.add_task("runs", total=None, counts="", note="")
 
@@ -95,7 +102,7 @@ class Display:
         """Print a line, above the bar if there is one."""
         if self.live:
             self._console.print(text)
-        else:
+        elif level() >= 0:
             echo(text, err=True)
 
     def show(self, counts: str, note: str, **changes: Any) -> None:

@@ -11,6 +11,7 @@ import click
 import numpy as np
 from rich.text import Text
 
+from mobman.cli.names import complete
 from mobman.cli.output import JSON, console, echo, print_json, table
 from mobman.cli.robots_add import add
 from mobman.errors import MobmanError, UnknownNameError
@@ -50,12 +51,10 @@ def robots(context: click.Context, as_json: bool) -> None:
         return
     out = console()
     wide = out.width >= _WIDE
-    headings = ("robot", "platform", *_NUMBERS, "licence", "from")
-    listing = table(*headings, right=_NUMBERS, no_wrap=True)
-    if wide:
-        listing.add_column("description", no_wrap=True, max_width=out.width - _OTHERS)
-    for row in rows:
-        listing.add_row(
+    headings = ["robot", "platform", *_NUMBERS, "licence", "from"]
+    headings += ["description"] if wide else []
+    cells = [
+        (
             row["name"],
             row["platform"],
             *("–" if row[key] is None else str(row[key]) for key in ("arm_joints", "nz")),
@@ -64,6 +63,12 @@ def robots(context: click.Context, as_json: bool) -> None:
             row["origin"],
             *([row["description"]] if wide else []),
         )
+        for row in rows
+    ]
+    names = ("robot", "platform", "licence", "from")
+    listing = table(*headings, rows=cells, right=_NUMBERS, no_wrap=True, names=names)
+    if wide:
+        listing.columns[-1].max_width = out.width - _OTHERS
     out.print(listing)
 
 
@@ -71,7 +76,7 @@ robots.add_command(add)
 
 
 @robots.command()
-@click.argument("name")
+@click.argument("name", **complete("robots"))
 @JSON
 def show(name: str, as_json: bool) -> None:
     """Show the robot NAME (or the TOML file): joints, limits, rest posture, source."""
@@ -96,7 +101,7 @@ def show(name: str, as_json: bool) -> None:
     out.print(f"  {'z':<9} {', '.join(content['velocity_names'])}", soft_wrap=True)
     out.print(f"  {'tip at rest':<9} {np.round(content['tip_at_rest'], 4).tolist()} m")
     numbers = ("rest", "lower", "upper", "weight in F")
-    listing = table("q", *numbers, right=numbers)
+    listing = table("q", *numbers, right=numbers, names={"q"})
     for joint in content["joints"]:
         values = (f"{joint[key.split()[0]]:.4g}" for key in numbers)
         listing.add_row(joint["name"], *values)
@@ -163,7 +168,7 @@ def _details(name: str) -> dict[str, Any]:
 
 
 @robots.command()
-@click.argument("name")
+@click.argument("name", **complete("robots"))
 @JSON
 @click.option("--no-simulation", is_flag=True, help="Leave out the checks that run a closed loop.")
 def check(name: str, as_json: bool, no_simulation: bool) -> None:

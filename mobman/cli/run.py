@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
 import threading
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -13,15 +14,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mobman.cli.names import complete
 from mobman.cli.output import (
     FILE,
+    FORCE,
     JSON,
     PORT,
+    check_new,
     console,
     echo,
+    level,
     number,
     print_json,
     table,
+    verbosity,
 )
 from mobman.cli.progress import progress_bar
 from mobman.errors import FOREIGN_ERRORS, MobmanError, RecordError
@@ -33,6 +39,9 @@ if TYPE_CHECKING:
 
 _PATIENCE = 15.0  # s that a run waits for the browser
 _TOLD = 5
+_SUFFIXES = (".h5", ".hdf5")
+_SUMMARY = ("tracking", "redundancy", "effort", "limits", "timing")
+"""Sections of metrics in the lines that are printed of a run."""
 
 
 def _values(
@@ -73,15 +82,23 @@ _SHOWN: dict[str, Any] = {"show_default": True}
 
 
 @click.command()
-@click.argument("robot")
-@click.option("--controller", default="tsm", **_SHOWN, help="Control law.")
-@click.option("--task", default="circle", **_SHOWN, help="Task of the tip.")
+@click.argument("robot", **complete("robots"))
+@click.option(
+    "--controller", default="tsm", **_SHOWN, **complete("controllers"), help="Control law."
+)
+@click.option("--task", default="circle", **_SHOWN, **complete("tasks"), help="Task of the tip.")
 @click.option(
     "--task-option", **_PAIRS, help="A parameter of the task, such as radius=0.3; repeatable."
 )
 @click.option("--duration", type=float, default=10.0, **_SHOWN, help="s.")
 @click.option("--dt", type=float, default=1e-3, **_SHOWN, help="Sampling period, s.")
-@click.option("--scenario", default="nominal", **_SHOWN, help="Scenario, or its TOML file.")
+@click.option(
+    "--scenario",
+    default="nominal",
+    **_SHOWN,
+    **complete("scenarios"),
+    help="Scenario, or its TOML file.",
+)
 @click.option(
     "--seed",
     type=click.IntRange(0, 2**63 - 1),
@@ -94,7 +111,9 @@ _SHOWN: dict[str, Any] = {"show_default": True}
     **_PAIRS,
     help="A gain of the controller, such as a=0.2 or discretization=explicit; repeatable.",
 )
-@click.option("-o", "--output", type=FILE, help="HDF5 file for the record.")
+@click.option("-o", "--output", type=FILE, help="HDF5 file for the record (.h5).")
+@FORCE
+@click.option("--all", "everything", is_flag=True, help="Print every metric, with its meaning.")
 @JSON
 @click.option(
     "--live", is_flag=True, help="Show it in the browser while it runs, and then until Ctrl-C."
@@ -107,6 +126,7 @@ _SHOWN: dict[str, Any] = {"show_default": True}
 )
 @click.option("--no-browser", is_flag=True, help="With --live: print the address, open no browser.")
 @click.option("--port", type=PORT, help="With --live: port to serve on.")
+@verbosity
 def run(
     robot: str,
     controller: str,
@@ -118,13 +138,15 @@ def run(
     seed: int,
     gain: dict[str, Any],
     output: Path | None,
+    force: bool,
+    everything: bool,
     as_json: bool,
     live: bool,
     live_speed: float | None,
     no_browser: bool,
     port: int | None,
 ) -> None:
-    """Simulate ROBOT (a name or a TOML file) under a controller and print its metrics.
+    """Simulate ROBOT (a name or a TOML file) under a controller and print what came of it.
 
     Exit status 1 if the run diverged or met a singularity; its record is written all the same.
     """
@@ -134,14 +156,15 @@ def run(
     from mobman.simulation.simulate import seconds, simulate
     from mobman.tasks.task import check_parameters, make_task
 
+    if output is not None:
+        check_new(output, suffixes=_SUFFIXES, force=force)
+        _check_writable(output)
     model = load_robot(robot)
     law = make_controller(controller, **gain)
     options = check_parameters(task, task_option)
     aim = make_task(task, model, **options)
     resolved = load_scenario(scenario)
     settings: dict[str, Any] = {"duration": duration, "dt": dt, "scenario": resolved, "seed": seed}
-    if output is not None:
-        _check_writable(output)
     with ExitStack() as closing:
         watched: LiveRun | None = None
         if live or live_speed is not None:
@@ -163,7 +186,8 @@ def run(
         title = f"{model.name} · {task} · {resolved.name} · {controller}"
         with progress_bar(title) as progress:
             record = simulate(model, law, aim, progress=progress, **settings)
-        tell(record, None if output is None else record.save(output), as_json=as_json)
+        saved = None if output is None else record.save(output)
+        tell(record, saved, as_json=as_json, everything=everything)
         if watched is not None:
             # the page gets the whole run and stays until Ctrl-C: the way to end it, not a failure
             try:
@@ -194,8 +218,10 @@ def _open(watched: LiveRun, shown: View, no_browser: bool) -> None:
         echo("mobman: the page is not open yet; the run begins without it", err=True)
 
 
-def tell(record: Record, path: Path | None, *, as_json: bool) -> None:
-    """Print a run: its metrics as a table, or all that is known of it as JSON."""
+def tell(
+    record: Record, path: Path | None, *, as_json: bool = False, everything: bool = False
+) -> None:
+    """Print a run: a line a section of metrics; every metric; or all that is known of it as JSON."""
     from mobman.simulation.metrics import list_metrics
 
     if as_json:
@@ -204,19 +230,40 @@ def tell(record: Record, path: Path | None, *, as_json: bool) -> None:
         print_json({**content, "file": None if path is None else str(path)})
         return
     out = console()
-    bounds = {key: record.settings[key] for key in ("a", "A") if key in record.settings}
-    in_force = ", ".join(f"{key} = {value:.4g}" for key, value in bounds.items())
+    shown = record.settings if level() > 0 else ("a", "A")
+    bounds = {key: record.settings[key] for key in shown if key in record.settings}
+    in_force = ", ".join(
+        f"{key} = {value:.4g}" if isinstance(value, float) else f"{key} = {value}"
+        for key, value in bounds.items()
+    )
     name = f"{record.robot} · {record.task} · {record.scenario} · {record.controller}"
-    rest = f" {record.status}" + (f"  (in force: {in_force})" if in_force else "")
-    out.print(out.render_str(name, style="bold"), rest)
-    listing = table("metric", "value", "unit", "what it is", right={"value"})
-    for metric in list_metrics():
-        if metric.name in record.metrics:
+    rest = f" {record.status}"
+    out.print(out.render_str(name, style="bold"), rest + (f"  ({in_force})" if in_force else ""))
+    known = [metric for metric in list_metrics() if metric.name in record.metrics]
+    if everything or level() > 0:
+        listing = table("metric", "value", "unit", "what it is", right={"value"})
+        for metric in known:
             value = number(record.metrics[metric.name], metric.unit)
             listing.add_row(metric.name, value, metric.unit, metric.description)
+    else:
+        listing = table()
+        for section in _SUMMARY:
+            parts = [
+                f"{metric.short}: {_with_unit(record.metrics[metric.name], metric.unit)}"
+                for metric in known
+                if metric.section == section and metric.short
+            ]
+            if parts:
+                listing.add_row(f"  {section}", "; ".join(parts))
     out.print(listing)
     if path is not None:
         out.print(f"record: {path}", soft_wrap=True)
+        out.print(f"next: mobman view {shlex.quote(str(path))}", soft_wrap=True)
+
+
+def _with_unit(value: float, unit: str) -> str:
+    text = number(value, unit)
+    return f"{text} {unit}" if math.isfinite(value) and unit != "1" else text
 
 
 def _went_well(record: Record) -> bool:
@@ -247,7 +294,10 @@ def _went_well(record: Record) -> bool:
     "much in torques and signals; 0 for bit for bit.  [default: 0, or 1e-4 on another processor or with "
     "other versions]",
 )
-@click.option("-o", "--output", type=FILE, help="HDF5 file for the new record, at every tick.")
+@click.option(
+    "-o", "--output", type=FILE, help="HDF5 file for the new record (.h5), at every tick."
+)
+@FORCE
 @click.option(
     "--robot",
     metavar="FILE",
@@ -265,11 +315,13 @@ def _went_well(record: Record) -> bool:
     help="Python code of a task that is not registered: called with the robot and q0, gives the task.",
 )
 @JSON
+@verbosity
 def rerun(
     files: tuple[Path, ...],
     verifies: bool,
     tolerance: float | None,
     output: Path | None,
+    force: bool,
     robot: str | None,
     controller: str | None,
     task: str | None,
@@ -291,6 +343,8 @@ def rerun(
         raise click.UsageError("--tolerance goes with --verify")
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance >= 0.0):
         raise click.BadParameter(f"{tolerance} is not a number from 0 on", param_hint="--tolerance")
+    if output is not None:
+        check_new(output, suffixes=_SUFFIXES, force=force)
     own, told, failed = _own(robot, controller, task), [], False
     for file in files:
         try:

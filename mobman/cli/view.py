@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from mobman.cli.output import FILE, PORT, POSITIVE, echo
+from mobman.cli.names import complete
+from mobman.cli.output import FILE, JSON, PORT, POSITIVE, echo, print_json, verbosity
 from mobman.cli.progress import progress_bar
 
 _ENDINGS = {"html": (".html", ".htm"), "png": (".png",), "gif": (".gif",), "mp4": (".mp4",)}
@@ -35,7 +36,7 @@ def _pixels(
 
 
 @click.command()
-@click.argument("what", nargs=-1, required=True, metavar="ROBOT | RUN.h5...")
+@click.argument("what", nargs=-1, required=True, metavar="ROBOT | RUN.h5...", **complete("robots"))
 @click.option(
     "--html",
     type=FILE,
@@ -75,6 +76,8 @@ def _pixels(
     show_default=True,
     help="Speed of a film: seconds of the run a second.",
 )
+@JSON
+@verbosity
 def view(
     what: tuple[str, ...],
     html: Path | None,
@@ -86,6 +89,7 @@ def view(
     png: Path | None,
     gif: Path | None,
     mp4: Path | None,
+    as_json: bool,
     **film: Any,
 ) -> None:
     """Look at ROBOT (a name or a TOML file), at a run, or at several runs in one scene.
@@ -98,15 +102,22 @@ def view(
     for warning in scene.warnings:
         warnings.warn(warning, stacklevel=1)
     with View(scene, host=host, port=port) as shown:
+        written: list[tuple[str, Path]] = []
         if html is not None:
-            _tell("page", shown.save(html))
+            written.append(("page", shown.save(html)))
         if png is not None:
-            _tell("picture", shown.save(png, time=time, size=film["size"]))
+            written.append(("picture", shown.save(png, time=time, size=film["size"])))
         for path in filter(None, (gif, mp4)):
             with progress_bar(path.name) as progress:
                 shown.save(path, **film, progress=progress)
-            _tell("film", path)
-        if not any((html, png, gif, mp4)):
+            written.append(("film", path))
+        if as_json and written:
+            sizes = [(kind, path, path.stat().st_size) for kind, path in written]
+            print_json([{"kind": k, "file": str(path), "bytes": size} for k, path, size in sizes])
+        else:
+            for kind, path in written:
+                echo(f"{kind}: {path} ({path.stat().st_size / 1e6:.2f} MB)")
+        if not written:
             _serve(shown, no_browser)
 
 
@@ -119,7 +130,3 @@ def _serve(shown: Any, no_browser: bool) -> None:
         threading.Event().wait()
     except KeyboardInterrupt:
         echo(err=True)
-
-
-def _tell(what: str, path: Path) -> None:
-    echo(f"{what}: {path} ({path.stat().st_size / 1e6:.2f} MB)")

@@ -86,6 +86,8 @@ class Metric:
     section: str = ""
     """Heading under which reports show it: ``"tracking"``, ``"redundancy"``, ``"effort"``,
     ``"consistency"``, ``"timing"``; others come last."""
+    short: str = ""
+    """Its name in the few lines that ``mobman run`` prints; empty if it is not among them."""
 
 
 metrics: Registry[Metric] = Registry("metric", PACKAGE)
@@ -99,6 +101,7 @@ def metric(
     *,
     early: float | None = None,
     section: str = "",
+    short: str = "",
 ) -> Callable[[Function], Function]:
     """Decorator: register a function of a :class:`Run` as a metric.
 
@@ -109,13 +112,14 @@ def metric(
         better: See :class:`Metric`.
         early: The metric of a run that ended early, if the function is for completed ones only.
         section: See :class:`Metric`.
+        short: See :class:`Metric`.
     """
 
     def register(function: Function) -> Function:
         def whole(run: Run) -> float:
             return function(run) if early is None or run.completed else early
 
-        item = Metric(name, unit, description, better, whole, section)
+        item = Metric(name, unit, description, better, whole, section, short)
         metrics.register(name, item, module=function.__module__)
         return function
 
@@ -148,7 +152,7 @@ def settling_time(run: Run, threshold: float) -> float:
 
 def _settling_time_to(threshold: str) -> None:
     text = f"first time from which |e^e| stays below {threshold} m to the end"
-    metric = _tracking(f"settling_time_{threshold}", "s", text)
+    metric = _tracking(f"settling_time_{threshold}", "s", text, short=f"below {threshold} m")
     metric(lambda run: settling_time(run, float(threshold)))
 
 
@@ -167,7 +171,12 @@ def success(run: Run) -> float:
     return float(math.isfinite(settling_time(run, 1e-4)))
 
 
-@_tracking("task_error_max", "m", "largest |e^e| in the steady part; inf if the run ended early")
+@_tracking(
+    "task_error_max",
+    "m",
+    "largest |e^e| in the steady part; inf if the run ended early",
+    short="steady |e^e| at most",
+)
 def task_error_max(run: Run) -> float:
     return float(run.task_distance[run.steady].max())
 
@@ -179,7 +188,12 @@ def task_error_rms(run: Run) -> float:
     return float(np.sqrt(np.mean(run.task_distance[run.steady] ** 2)))
 
 
-@_tracking("task_error_final", "m", "|e^e| at the end; inf if the run ended early")
+@_tracking(
+    "task_error_final",
+    "m",
+    "|e^e| at the end; inf if the run ended early",
+    short="|e^e| at the end",
+)
 def task_error_final(run: Run) -> float:
     return float(run.task_distance[-1])
 
@@ -190,13 +204,21 @@ _redundancy = partial(metric, section="redundancy", early=math.inf)
 
 
 @_redundancy(
-    "auxiliary_error_max", "1", "largest |e^a| in the steady part; inf if the run ended early"
+    "auxiliary_error_max",
+    "1",
+    "largest |e^a| in the steady part; inf if the run ended early",
+    short="steady |e^a| at most",
 )
 def auxiliary_error_max(run: Run) -> float:
     return float(np.linalg.norm(run.auxiliary_error[run.steady], axis=1).max())
 
 
-@_redundancy("criterion_final", "1", "criterion F(q) at the end; inf if the run ended early")
+@_redundancy(
+    "criterion_final",
+    "1",
+    "criterion F(q) at the end; inf if the run ended early",
+    short="F at the end",
+)
 def criterion_final(run: Run) -> float:
     return run.criterion.value(run.q[-1])
 
@@ -207,6 +229,7 @@ def criterion_final(run: Run) -> float:
     "least lambda_min(J J^T), extended Jacobian, every 10 ms",
     "higher",
     early=None,
+    short="lambda_min(J J^T) at least",
 )
 def lambda_min(run: Run) -> float:
     """0 where the run met a kinematic singularity."""
@@ -254,13 +277,13 @@ def repeatability(run: Run) -> float:
 _effort = partial(metric, section="effort")
 
 
-@_effort("torque_energy", "N^2 m^2 s", "integral of |v|^2 over the run")
+@_effort("torque_energy", "N^2 m^2 s", "integral of |v|^2 over the run", short="integral of |v|^2")
 def torque_energy(run: Run) -> float:
     # not by BLAS, whose sum of a long column depends on how many threads it has
     return sum(float(run.dt * np.square(motor[:-1]).sum()) for motor in run.torque.T)
 
 
-@_effort("torque_peak", "N m or N", "largest torque of any motor")
+@_effort("torque_peak", "N m or N", "largest torque of any motor", short="largest torque")
 def torque_peak(run: Run) -> float:
     return max(float(run.torque.max()), -float(run.torque.min()))
 
@@ -279,7 +302,12 @@ def torque_rate_variation(run: Run) -> float:
     return sum(float(np.abs(np.diff(motor, n=2)).sum()) for motor in run.torque.T) / run.dt
 
 
-@_effort("torque_step", "1", "largest step of a torque from tick to tick after 1 s, over its peak")
+@_effort(
+    "torque_step",
+    "1",
+    "largest step of a torque from tick to tick after 1 s, over its peak",
+    short="largest step over its peak",
+)
 def torque_step(run: Run) -> float:
     late = run.t[1:] > _REACHING
     steps = [np.abs(np.diff(motor))[late].max(initial=0.0) for motor in run.torque.T]
@@ -287,7 +315,13 @@ def torque_step(run: Run) -> float:
     return float(max(steps) / peak) if peak > 0.0 else 0.0
 
 
-@metric("saturation_share", "1", "share of the ticks at which a limit cut a commanded torque")
+@metric(
+    "saturation_share",
+    "1",
+    "share of the ticks at which a limit cut a commanded torque",
+    section="limits",
+    short="share of ticks with cut torques",
+)
 def saturation_share(run: Run) -> float:
     return 0.0 if run.limited is None else float(np.mean(run.limited))
 
@@ -297,6 +331,7 @@ def saturation_share(run: Run) -> float:
     "s",
     "first time at which a limit cut a commanded torque; the duration asked for if none did",
     "higher",
+    section="limits",
 )
 def saturation_start(run: Run) -> float:
     if run.limited is None or not run.limited.any():
@@ -329,11 +364,16 @@ def energy_residual(run: Run) -> float:
 _timing = partial(metric, section="timing")
 
 
-@_timing("compute_time_median", "s", "median time that the controller took for a tick")
+@_timing(
+    "compute_time_median",
+    "s",
+    "median time that the controller took for a tick",
+    short="median of a tick",
+)
 def compute_time_median(run: Run) -> float:
     return float(np.median(run.compute_time))
 
 
-@_timing("compute_time_p99", "s", "99th percentile of the same")
+@_timing("compute_time_p99", "s", "99th percentile of the same", short="99th percentile")
 def compute_time_p99(run: Run) -> float:
     return float(np.percentile(run.compute_time, 99))

@@ -40,7 +40,7 @@ def simulate(
     controller: Controller | str,
     task: Task | str,
     *,
-    duration: float,
+    duration: float = 10.0,
     dt: float = 1e-3,
     q0: Array | None = None,
     plant: GivenPlant = None,

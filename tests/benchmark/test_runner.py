@@ -13,10 +13,9 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from support.suites import small_suite
+from support.suites import run_suite, small_suite
 
 import mobman as mm
-from mobman.benchmark.runner import run_suite
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.controllers.protocol import controllers
@@ -31,8 +30,24 @@ def done(tmp_path_factory):
     """A small suite, run with two workers."""
     folder = tmp_path_factory.mktemp("suite")
     suite = load_suite(small_suite(folder))
-    summary = run_suite(suite, folder / "results", workers=2)
+    summary = mm.run_suite(suite, folder / "results", workers=2)
     return suite, folder / "results", summary
+
+
+def test_the_report_is_written_and_named(done):
+    _, folder, summary = done
+    assert summary.report.html == folder / "report.html"
+    assert "pseudo-inverse" in summary.report.html.read_text(encoding="utf-8")
+    assert "8 done" in repr(summary)
+
+
+def test_a_part_has_no_report(done, tmp_path):
+    suite, folder, _ = done
+    for name in ("runs", "suite.json"):
+        source = folder / name
+        (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)
+    assert mm.run_suite(suite, tmp_path, part=(1, 2)).report is None
+    assert not (tmp_path / "report.html").exists()
 
 
 def test_every_run_is_there_and_whole(done):

@@ -12,13 +12,12 @@ from pathlib import Path
 import h5py
 import pytest
 from click.testing import CliRunner
-from support.suites import bits, small_suite, suite_of
+from support.suites import bits, run_suite, small_suite, suite_of
 
 import mobman as mm
 from mobman.benchmark import store as store_module
 from mobman.benchmark.manifest import read_manifest
 from mobman.benchmark.report.data import read_results
-from mobman.benchmark.runner import run_suite
 from mobman.benchmark.store import Store, merge
 from mobman.benchmark.suite import load_suite
 from mobman.cli.main import mobman as command

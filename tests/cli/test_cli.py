@@ -46,7 +46,7 @@ def test_run_writes_the_record_and_says_so(tmp_path):
     path = tmp_path / "run.h5"
     done = mobman("run", "youbot", "--duration", "0.05", "--task", "paper", "-o", str(path))
     assert done.returncode == 0, done.stderr
-    assert "task_error_max" in done.stdout
+    assert "|e^e| at the end" in done.stdout
     record = mm.load_record(path)
     assert (record.robot, record.controller, record.task) == ("youbot", "tsm", "paper")
     assert record.scenario == "nominal"

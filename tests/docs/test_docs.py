@@ -179,7 +179,7 @@ def _small_results(folder: Path) -> None:
         }
     )
     with ThreadPoolExecutor(1) as pool:
-        run_suite(suite, folder, executor=pool)
+        run_suite(suite, folder, executor=pool, report=False)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

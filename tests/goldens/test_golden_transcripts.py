@@ -44,6 +44,11 @@ mobman bench show paper
 mobman run youbot --controller pseudo-inverse --duration 0.05
 mobman run youbot --controller tsm --task paper --duration 0.05 --gain a=0.2 --gain A=0.1
 mobman run youbot --duration 2 --dt 0.01 --gain discretization=explicit --gain a=1e-3
+mobman run youbot --controller pseudo-inverse --duration 0.05 --all
+mobman controllers pseudo-inverse
+mobman tasks circle
+mobman scenarios heavier
+mobman metrics success --json
 
 mobman
 mobman bnech
@@ -66,6 +71,8 @@ mobman run youbot --duration -1
 mobman run youbot --duration ten
 mobman run youbot --dt 0
 mobman run youbot --seed -1
+mobman run youbot -o run.txt
+mobman scenarios havier
 mobman run missing.toml
 mobman run syntax.toml
 mobman run fields.toml
@@ -154,7 +161,7 @@ def transcript(command: str, folder: Path) -> str:
 def _without_times(text: str) -> str:
     """Without times, and without the line that says, on some machines, that kernels are compiled."""
     lines = text.splitlines(keepends=True)
-    left_out = ("compute_time", "mobman: compiling its kernels")
+    left_out = ("compute_time", "  timing  ", "mobman: compiling its kernels")
     return "".join(line for line in lines if not any(word in line for word in left_out))
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from mobman.benchmark import runner
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import Suite
+
+run_suite = partial(runner.run_suite, report=False)
+"""Most tests have no use for the report, which takes a second."""
 
 SMALL = """
 schema = 1

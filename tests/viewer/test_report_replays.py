@@ -8,11 +8,10 @@ import shlex
 
 import numpy as np
 import pytest
-from support.suites import small_suite
+from support.suites import run_suite, small_suite
 
 import mobman as mm
 from mobman.benchmark.report.report import report_on
-from mobman.benchmark.runner import run_suite
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.cli.bench import report_command

@@ -9,10 +9,10 @@ from types import ModuleType
 
 import pytest
 from support.dask_cluster import dask_cluster, free_port
-from support.suites import bits, suite_of
+from support.suites import bits, run_suite, suite_of
 
 import mobman as mm
-from mobman.benchmark.runner import Again, Ended, Waiting, run_suite
+from mobman.benchmark.runner import Again, Ended, Waiting
 from mobman.benchmark.store import Store
 from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError

@@ -12,9 +12,8 @@ import time
 import psutil
 import pytest
 from click.testing import CliRunner
-from support.suites import bits, suite_of
+from support.suites import bits, run_suite, suite_of
 
-from mobman.benchmark.runner import run_suite
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.cli.bench import bench

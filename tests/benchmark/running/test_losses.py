@@ -11,10 +11,10 @@ import numpy as np
 import psutil
 import pytest
 from support import hostile_laws
-from support.suites import bits, suite_of
+from support.suites import bits, run_suite, suite_of
 
 import mobman as mm
-from mobman.benchmark.runner import Again, Ended, run_suite
+from mobman.benchmark.runner import Again, Ended
 from mobman.benchmark.store import Store
 from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError

@@ -1,0 +1,97 @@
+"""Files that commands write, how much they print, and tables in 80 columns."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import pytest
+from rich.console import Console
+from support.command_line import mobman
+
+import mobman as mm
+from mobman.cli.output import shortened, table
+from mobman.cli.progress import SuiteDisplay, progress_bar
+
+RUN = ("run", "youbot", "--controller", "pseudo-inverse", "--duration", "0.02")
+
+
+@pytest.fixture
+def saved(tmp_path):
+    path = tmp_path / "run.h5"
+    assert mobman(*RUN, "-o", path).returncode == 0
+    return path
+
+
+@pytest.mark.parametrize("command", ["run", "rerun"])
+def test_a_file_that_is_there_is_replaced_only_by_force(saved, command):
+    before = saved.read_bytes()
+    arguments = RUN if command == "run" else ("rerun", saved)
+    done = mobman(*arguments, "-o", saved)
+    assert done.returncode == 2
+    assert "is there already" in done.stderr
+    assert "--force" in done.stderr
+    assert saved.read_bytes() == before
+    done = mobman(*arguments, "-o", saved, "--force")
+    assert done.returncode == 0, done.stderr
+    assert mm.load_record(saved).ok
+
+
+@pytest.mark.parametrize("name", ["run.txt", "run", "run.toml"])
+def test_a_foreign_suffix_is_refused(tmp_path, name):
+    done = mobman(*RUN, "-o", tmp_path / name)
+    assert done.returncode == 2
+    assert "does not end in .h5 or .hdf5" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_prints_a_line_a_section_and_what_comes_next(tmp_path):
+    path = tmp_path / "run.h5"
+    lines = mobman(*RUN, "-o", path).stdout.splitlines()
+    heads = [line.split()[0] for line in lines if line.startswith("  ") and line[2] != " "]
+    assert heads == ["tracking", "redundancy", "effort", "limits", "timing"]
+    assert lines[-1] == f"next: mobman view {path}"
+    assert max(len(line) for line in lines[:-2]) <= 80
+    assert "|e^e| at the end: " in "\n".join(lines)
+    everything = mobman(*RUN, "--all").stdout
+    assert all(name in everything for name in mm.load_record(path).metrics)
+
+
+def test_quiet_prints_errors_alone(tmp_path):
+    done = mobman(*RUN, "-q")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "warning" not in done.stderr
+    assert json.loads(mobman(*RUN, "-q", "--json").stdout)["status"] == "ok"
+    done = mobman("run", "yuobot", "-q")
+    assert done.returncode == 2
+    assert "youbot" in done.stderr
+
+
+def test_verbose_prints_gains_and_every_metric():
+    shown = mobman(*RUN, "-v").stdout
+    assert "K_p = 25" in shown
+    assert "torque_rate_variation" in shown
+
+
+def test_long_names_lose_their_middle():
+    assert shortened("short", 10) == "short"
+    assert shortened("a_very_long_name_of_a_robot", 11) == "a_ver…robot"
+    name = "a_platform_of_a_long_name_with_an_arm_of_a_long_name"
+    out = Console(width=80, record=True, file=io.StringIO())
+    out.print(table("robot", "what it is", rows=[(name, "word " * 30)], names={"robot"}))
+    lines = out.export_text().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "a_platform_of…" in lines[1]
+    assert "_long_name" in lines[1]
+
+
+def test_bars_say_which_time_is_which(monkeypatch):
+    for name in ("FORCE_COLOR", "TTY_COMPATIBLE"):
+        monkeypatch.setenv(name, "1")
+    with progress_bar("title") as progress:
+        progress(0.5)
+    display = SuiteDisplay()
+    texts = [getattr(column, "text_format", "") for column in display._progress.columns]
+    kinds = [type(column).__name__ for column in display._progress.columns]
+    assert kinds[texts.index("elapsed") + 1] == "TimeElapsedColumn"
+    assert kinds[texts.index("left") + 1] == "TimeRemainingColumn"
