@@ -35,6 +35,7 @@ from mobman.linalg import (
     well_posed,
 )
 from mobman.model.criterion import criterion_entry
+from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
 
@@ -72,11 +73,12 @@ class RedundancyGains(TrackingGains):
 class ResolvedAcceleration(DisplayedLaw):
     """A law that chooses an acceleration z' and gives it to the nominal robot.
 
-    Subclasses say whether the task is the extended one of (13), and what acceleration they want
-    (:meth:`acceleration`).
+    Subclasses say whether the task is the extended one of (13), what acceleration they want
+    (:meth:`acceleration`), and how they make a torque of it (:meth:`torque`).
     """
 
     extended = False
+    uses: tuple[str, ...] = ("M", "bias", "J'")
 
     def __init__(self, gains: Any) -> None:
         self.gains = gains
@@ -89,28 +91,35 @@ class ResolvedAcceleration(DisplayedLaw):
         """A function that writes the wanted acceleration, shape (nz,), once the task space is filled;
         0, or a :class:`Stop`."""
 
+    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Callable[[], int]:
+        """A function that writes v, shape (nz,), by default that of the nominal robot under the wanted
+        acceleration; 0, or a :class:`Stop`."""
+        nz = len(v)
+        given = (now.M, now.bias, now.B, z_dot)
+        return bind(computed_torque, *given, np.zeros(nz), v, np.zeros((nz, nz)))
+
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start again; the law's only state is the axes of e^a, where it has them."""
+        """Start again, with the axes of e^a, integrals and estimates as new."""
+        self._dt = dt
         self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
         self._settings = as_settings(self.gains) | {"K_F": self.criterion.weights.tolist()}
         space = self._space = TaskSpace(robot, task, self.criterion if self.extended else None)
-        now, nz = space.now, robot.nz
-        z_dot, force, self._v = np.zeros((3, nz))
+        now = space.now
+        z_dot, self._measured, self._v = np.zeros((3, robot.nz))
+        with_bias = "bias" in self.uses
+        self._run = now.run_dynamics if with_bias else now.run_inertia
         self._law = sequence(
             now.inertia,
-            now.bias_terms,
+            *([now.bias_terms] if with_bias else []),
             self.acceleration(robot, space, z_dot),
-            bind(
-                computed_torque,
-                *(now.M, now.bias, now.B, z_dot, force, self._v, np.zeros((nz, nz))),
-            ),
+            self.torque(now, z_dot, self._v),
         )
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque for the tick, shape (nz,); see :class:`Controller`."""
-        space = self._space
-        space.at(t, q, z)
-        space.now.run_dynamics()
+        self._space.at(t, q, z)
+        self._run()
+        self._measured[:] = z_dot
         if stop := self._law():
             raise SingularityError(Stop(stop).reason)
         return self._v.copy()
@@ -286,29 +295,24 @@ class ExtendedJacobianControl(ResolvedAcceleration):
     ) -> Callable[[], int]:
         """See :class:`ResolvedAcceleration`."""
         nz = robot.nz
+        wanted = np.zeros(nz)
+        return sequence(
+            self.feedback(space, wanted),
+            bind(inverse_acceleration, space.J, wanted, z_dot, np.zeros((nz, nz))),
+        )
+
+    def feedback(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
+        """A function that writes the value wanted of J z', shape (nz,)."""
         return bind(
-            inverse_acceleration,
+            tracking_acceleration,
             *(space.f, space.J, space.J_dot_z, space.p_d, space.now.z),
-            *(float(self.gains.K_p), float(self.gains.K_v)),
-            *(z_dot, np.zeros(nz), np.zeros((nz, nz))),
+            *(float(self.gains.K_p), float(self.gains.K_v), wanted),
         )
 
 
 @kernel
-def inverse_acceleration(
-    f: Vector,
-    J: Matrix,
-    J_dot_z: Vector,
-    p_d: Matrix,
-    z: Vector,
-    K_p: float,
-    K_v: float,
-    z_dot: Vector,
-    wanted: Vector,
-    work: Matrix,
-) -> int:
-    """z' = J^-1 wanted; the last two are work space."""
-    tracking_acceleration(f, J, J_dot_z, p_d, z, K_p, K_v, wanted)
+def inverse_acceleration(J: Matrix, wanted: Vector, z_dot: Vector, work: Matrix) -> int:
+    """z' = J^-1 wanted; the last is work space."""
     return Stop.NO_ACCELERATION if solve(J, wanted, z_dot, work) != 0 else 0
 
 

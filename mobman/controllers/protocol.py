@@ -21,7 +21,8 @@ class Controller(Protocol):
     Optional: ``name``; ``settings() -> dict`` with the gains in force, for records; ``signals() ->
     dict`` with arrays of the last tick, recorded under their names (``"sliding/s"``, ...);
     ``signals_in_place``, true if those arrays stay the same from :meth:`reset` on and are overwritten;
-    ``criterion``, what e^a is measured by, the robot's posture criterion if there is none.
+    ``criterion``, what e^a is measured by, the robot's posture criterion if there is none; ``uses``, the
+    keys of :data:`INFORMATION` that the law takes, for reports, which say nothing if there is none.
     """
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
@@ -42,6 +43,17 @@ class Controller(Protocol):
         """
         ...
 
+
+INFORMATION = {
+    "z'": "the measured acceleration z'",
+    "M": "the nominal inertia M",
+    "bias": "the nominal bias Pz + G",
+    "J'": "the rate of the task's Jacobian, J' z",
+    "limits": "bounds of torques, velocities or positions",
+    "preview": "the desired trajectory ahead of time",
+}
+"""Information that laws differ in, by its name in a law's ``uses``. What every law has is left out: q,
+z, the task's coordinates and Jacobian J, N and B of the platform, and p_d with its derivatives."""
 
 controllers: Registry[type[Any]] = Registry(
     "controller", "mobman.controllers", "mobman.controllers"
@@ -82,6 +94,21 @@ def make_controller(name: str, **gains: Any) -> Controller:
     law, fields = controllers.get(name), gains_by_field(name, gains)
     controller: Controller = law(law.Gains(**fields)) if hasattr(law, "Gains") else law()
     return controller
+
+
+def information_of(name: str) -> tuple[str, ...] | None:
+    """The information that a controller uses, in the order of :data:`INFORMATION`.
+
+    Args:
+        name: A controller's; no package is loaded for it.
+
+    Returns:
+        None if it is not known here, or does not say.
+    """
+    uses = getattr(controllers.loaded().get(name), "uses", None)
+    if not isinstance(uses, (tuple, list, set, frozenset)):
+        return None
+    return tuple(item for item in INFORMATION if item in uses)
 
 
 def gains_by_field(name: str, given: Mapping[str, Any]) -> dict[str, Any]:

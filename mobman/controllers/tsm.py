@@ -45,13 +45,12 @@ _MIXED = "mixed, see docs/theory.md"
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlidingGains:
-    """Gains of both stages, and how they are sampled; defaults are the paper's, section 4, but for
-    ``a`` and ``A``."""
+class CascadeGains:
+    """Gains of both stages, and how they are sampled, but for the powers; defaults are the paper's,
+    section 4, but for ``a`` and ``A``."""
 
     Lambda_0: Diagonal = gain(11.0, _MIXED, "Lambda_0 of (51)")
     Lambda_1: Diagonal = gain(6.0, _MIXED, "Lambda_1 of (51)")
-    alpha_1: Fraction | float | str = gain("3/5", "1", "n1/n2 of (51), both odd, n1 < n2 < 2 n1")
     C: float = gain(2.0, "1", "C of (55), at least 1")
     C_0: float = gain(1.0, "N m/s", "C_0 of (55)")
     A: float | Auto = gain("auto", "1", "lower bound of lambda_min(B B^T), (54), or A' of (64)")
@@ -98,15 +97,27 @@ class SlidingGains:
         require_bound(self, "a", "0 < a <= lambda_min(J J^T) (22)")
         require_bound(self, "A", "0 < A <= lambda_min(B B^T) (54)")
         require_choice(self, "discretization", ("implicit", "explicit"))
-        object.__setattr__(self, "alpha_1", odd_ratio("alpha_1", self.alpha_1))
         if self.K_F is not None:
             require_positive_diagonal(self, "K_F")
 
 
+@dataclass(frozen=True, kw_only=True)
+class SlidingGains(CascadeGains):
+    """Gains of both stages, with the terminal powers."""
+
+    alpha_1: Fraction | float | str = gain("3/5", "1", "n1/n2 of (51), both odd, n1 < n2 < 2 n1")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "alpha_1", odd_ratio("alpha_1", self.alpha_1))
+
+
 # The law as the paper has it --------------------------------------------------------------------------
 
-_NUMBERS = ["a", "A", "dt", "alpha_1", "alpha_2"] + [
-    field.name for field in fields(SlidingGains) if field.type == "float"
+POWERS = {"p_0": 9 / 7, "p_1": 1 / 3, "p_2": 3 / 5}
+"""Exponents of (31): of e' and of the bracket in which it stands, and of e''."""
+_NUMBERS = ["a", "A", "dt", "alpha_1", "alpha_2", *POWERS] + [
+    field.name for field in fields(CascadeGains) if field.type == "float"
 ]
 _FLAGS = ["implicit", "inverse"]
 IN_FORCE = np.dtype([*((name, float) for name in _NUMBERS), *((name, bool) for name in _FLAGS)])
@@ -134,7 +145,7 @@ class SlidingStage(NamedTuple):
     work: Matrix
 
     @classmethod
-    def of(cls, gains: SlidingGains, p: int, *names: str) -> SlidingStage:
+    def of(cls, gains: CascadeGains, p: int, *names: str) -> SlidingStage:
         """A stage with an empty integral, I for the metric, and the named gains.
 
         Raises:
@@ -178,9 +189,9 @@ def kinematic_gain(
         e_dot = dot(J[i], z) - desired(p_d, 1, i)
         e_ddot = dot(J[i], v_ref) + J_dot_z[i] - desired(p_d, 2, i)
         # s and the integrand g in it (31)
-        bracket = power(e_dot, 9 / 7) + lambda_0[i] ** (9 / 7) * e
-        g[i] = lambda_2[i] * power(e_ddot, 3 / 5)
-        g[i] += lambda_2[i] * lambda_1[i] ** (3 / 5) * power(bracket, 1 / 3)
+        bracket = power(e_dot, k.p_0) + lambda_0[i] ** k.p_0 * e
+        g[i] = lambda_2[i] * power(e_ddot, k.p_2)
+        g[i] += lambda_2[i] * lambda_1[i] ** k.p_2 * power(bracket, k.p_1)
         s[i] = e_ddot + stage.integral[i]
         stage.drift[i] = g[i] - desired(p_d, 3, i)
     # W under (34), with the bound of (21)
@@ -296,10 +307,12 @@ def power(x: float, exponent: float) -> float:
     return math.copysign(math.pow(abs(x), exponent), x)
 
 
-def in_force(gains: SlidingGains, dt: float, a: float, A: float, inverse: bool) -> Any:
-    """The other gains, with the bounds (22) and (54) or (64), shape (1,)."""
-    alpha_1 = float(Fraction(gains.alpha_1))
-    values = vars(gains) | {"a": a, "A": A, "dt": dt, "inverse": inverse}
+def in_force(gains: CascadeGains, dt: float, a: float, A: float, inverse: bool) -> Any:
+    """The other gains, with the bounds (22) and (54) or (64), shape (1,); all powers are 1 where the
+    gains have none."""
+    powers = POWERS if isinstance(gains, SlidingGains) else dict.fromkeys(POWERS, 1.0)
+    alpha_1 = float(Fraction(gains.alpha_1)) if isinstance(gains, SlidingGains) else 1.0
+    values = vars(gains) | powers | {"a": a, "A": A, "dt": dt, "inverse": inverse}
     values |= {"alpha_1": alpha_1, "alpha_2": 2.0 * alpha_1 / (1.0 + alpha_1)}
     values["implicit"] = gains.discretization == "implicit"
     if inverse:  # chi' of (66)
@@ -317,7 +330,8 @@ class TerminalSlidingMode(DisplayedLaw):
     stage on the actuation matrix's transpose, v' = B^T u (55)-(56)."""
 
     name = "tsm"
-    Gains = SlidingGains
+    Gains: type[CascadeGains] = SlidingGains
+    uses: tuple[str, ...] = ("z'", "M", "J'")
     signals_in_place = True
     extended = True
     """True if e = (e^e, e^a) of (13) is driven to zero, the tip's errors and the criterion's
@@ -325,7 +339,7 @@ class TerminalSlidingMode(DisplayedLaw):
     inverse_actuation = False
     """True if the dynamic stage uses B^-1, (65)-(66)."""
 
-    def __init__(self, gains: SlidingGains) -> None:
+    def __init__(self, gains: CascadeGains) -> None:
         self.gains = gains
         self._settings: dict[str, Any] = as_settings(gains)
 

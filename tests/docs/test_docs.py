@@ -19,7 +19,7 @@ import pytest
 import mobman as mm
 from mobman.benchmark.runner import run_suite
 from mobman.benchmark.suite import Suite, load_suite
-from mobman.controllers.protocol import controllers
+from mobman.controllers.protocol import INFORMATION, controllers
 from mobman.model.platforms.body import Body
 from mobman.model.platforms.platform import platforms
 from mobman.resources import resource_folder
@@ -35,9 +35,16 @@ README = ROOT / "README.md"
 PAGES = sorted(DOCS.glob("*.md"))
 OWN_ROBOTS = sorted(path.stem for path in resource_folder("robots").glob("*.toml"))
 OWN_CONTROLLERS = [
+    "adaptive",
+    "computed-torque-integral",
     "damped-least-squares",
+    "disturbance-observer",
     "extended-jacobian",
+    "first-order-sliding",
+    "linear-cascade",
     "pseudo-inverse",
+    "super-twisting",
+    "time-delay",
     "tsm",
     "tsm-inverse-actuation",
     "tsm-null-space",
@@ -81,6 +88,17 @@ def added_gains_table(law: str) -> str:
     """The gains that a law has beyond those of the law that it derives from."""
     inherited = dataclasses.fields(controllers.get(law).Gains.__mro__[1])
     return gains_table(law, frozenset(field.name for field in inherited))
+
+
+def laws_table(_: str = "") -> str:
+    """The laws that come with mobman: what they use, and where they are."""
+    rows = []
+    for name in OWN_CONTROLLERS:
+        law = controllers.get(name)
+        marks = ("yes" if item in law.uses else "" for item in INFORMATION)
+        file = law.__module__.removeprefix("mobman.controllers.")
+        rows.append((f"`{name}`", *marks, f"`{file}.py`"))
+    return _table(("law", *map(_plain, INFORMATION), "file in `mobman/controllers`"), rows)
 
 
 def robots_table(columns: str = "") -> str:
@@ -128,6 +146,7 @@ def tasks_table(_: str = "") -> str:
 GENERATED = {
     "gains": gains_table,
     "added gains": added_gains_table,
+    "laws": laws_table,
     "robots": robots_table,
     "scenarios": scenarios_table,
     "suites": suites_table,

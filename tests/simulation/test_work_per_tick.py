@@ -13,14 +13,17 @@ import pytest
 from support.runs import Torque
 
 import mobman as mm
+from mobman.controllers.protocol import controllers
 
 TICKS = 20
 
 PLANT = {"crba": 4, "nonLinearEffects": 4}  # of Runge-Kutta; the first ones serve the measurement
 TRANSPOSES = {"computeJointJacobiansTimeVariation": 1, "crba": 1}
 FULL_MODEL = {**TRANSPOSES, "nonLinearEffects": 1}
+MORE = {"adaptive": {"computeJointTorqueRegressor": 2}}
 LAWS = {
-    name: TRANSPOSES if name.startswith("tsm") else FULL_MODEL for name in mm.list_controllers()
+    name: (FULL_MODEL if "bias" in controllers.get(name).uses else TRANSPOSES) | MORE.get(name, {})
+    for name in mm.list_controllers()
 }
 LAMBDA_MIN = {"computeJointJacobiansTimeVariation": 1}  # the metric, every 10 ms
 

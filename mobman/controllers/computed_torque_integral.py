@@ -1,0 +1,80 @@
+"""Computed torque with an integral of the task error, ``computed-torque-integral``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel
+from mobman.controllers.baselines import (
+    ExtendedGains,
+    ExtendedJacobianControl,
+    tracking_acceleration,
+)
+from mobman.controllers.gains import gain, require_not_negative
+from mobman.controllers.protocol import controllers
+from mobman.controllers.task_errors import TaskSpace, desired
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntegralGains(ExtendedGains):
+    """Gains of p_d'' - K_v e' - K_p e - K_i (integral of e); by default three poles at -5 /s."""
+
+    K_p: float = gain(75.0, "s^-2", "stiffness of the task error")
+    K_v: float = gain(15.0, "s^-1", "damping of the task error")
+    K_i: float = gain(125.0, "s^-3", "factor of the task error's integral; stable below K_p K_v")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "K_i")
+
+
+class ComputedTorqueIntegral(ExtendedJacobianControl):
+    r"""As ``extended-jacobian``, with the integral of the error, and computed torque:
+
+    .. math:: \dot z = J^{-1}(\ddot p_d - K_v \dot e - K_p e - K_i \int e\,dt - \dot J z),
+        \quad B v = M \dot z + Pz + G.
+
+    F. L. Lewis, D. M. Dawson, C. T. Abdallah, "Robot Manipulator Control: Theory and Practice",
+    Marcel Dekker 2004, section 4.4 (PID outer loop).
+    """
+
+    name = "computed-torque-integral"
+    Gains = IntegralGains
+
+    def feedback(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
+        """See :class:`ExtendedJacobianControl`."""
+        gains = self.gains
+        return bind(
+            integral_acceleration,
+            *(space.f, space.J, space.J_dot_z, space.p_d, space.now.z),
+            *map(float, (gains.K_p, gains.K_v, gains.K_i, self._dt)),
+            *(np.zeros(space.p), wanted),
+        )
+
+
+@kernel
+def integral_acceleration(
+    f: Vector,
+    J: Matrix,
+    J_dot_z: Vector,
+    p_d: Matrix,
+    z: Vector,
+    K_p: float,
+    K_v: float,
+    K_i: float,
+    dt: float,
+    integral: Vector,
+    wanted: Vector,
+) -> None:
+    """The value wanted of J z': p_d'' - K_v e' - K_p e - K_i (integral of e) - J' z."""
+    tracking_acceleration(f, J, J_dot_z, p_d, z, K_p, K_v, wanted)
+    for i in range(wanted.shape[0]):
+        wanted[i] -= K_i * integral[i]
+        integral[i] += dt * (f[i] - desired(p_d, 0, i))
+
+
+controllers.register(ComputedTorqueIntegral.name, ComputedTorqueIntegral)

@@ -1,0 +1,93 @@
+"""Time-delay control, ``time-delay``: incremental computed torque from the measured acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel
+from mobman.controllers.computed_torque_integral import ComputedTorqueIntegral, IntegralGains
+from mobman.controllers.gains import gain, require_positive
+from mobman.controllers.protocol import controllers
+from mobman.controllers.task_errors import Stop
+from mobman.errors import GainError
+from mobman.linalg import apply, solve
+from mobman.model.dynamics import Buffers
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeDelayGains(IntegralGains):
+    """Gains of the outer loop, and the share of the missing acceleration that a tick makes up for."""
+
+    mu: float = gain(
+        0.5, "1", "factor of the nominal M in the torque's increment, below 2; 1: dead-beat"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "mu")
+        if not self.mu < 2.0:
+            raise GainError(
+                f"mu = {self.mu!r}: must be below 2, else the acceleration's error 1 - mu grows from "
+                "tick to tick"
+            )
+
+
+class TimeDelayControl(ComputedTorqueIntegral):
+    r"""The torque of the last tick, and an increment for the acceleration that is still missing:
+
+    .. math:: \dot z_d = J^{-1}(\ddot p_d - K_v \dot e - K_p e - K_i \int e\,dt - \dot J z),
+        \quad B v_k = B v_{k-1} + \mu M (\dot z_d - \dot z).
+
+    What acted a tick ago, of the model or unknown, stands in :math:`v_{k-1}` and the measured
+    :math:`\dot z`; the bias Pz + G is not needed. With a true inertia :math:`M_0` the missing
+    acceleration obeys :math:`\epsilon_{k+1} = (I - \mu M_0^{-1} M)\epsilon_k`, but for what changes
+    within a tick. ``mu = 0.5`` bears :math:`M_0` from M/4 up, and torques that act a tick late.
+
+    K. Youcef-Toumi, O. Ito, "A time delay controller for systems with unknown dynamics", ASME Journal
+    of Dynamic Systems, Measurement, and Control 112(1), 1990; T. C. Hsia, L. S. Gao, "Robot
+    manipulator control using decentralized linear time-invariant time-delayed joint controllers",
+    IEEE International Conference on Robotics and Automation, 1990.
+    """
+
+    name = "time-delay"
+    Gains = TimeDelayGains
+    uses = ("z'", "M", "J'")
+
+    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Callable[[], int]:
+        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
+        nz = len(v)
+        return bind(
+            incremental_torque,
+            *(now.M, now.B, z_dot, self._measured, float(self.gains.mu), v),
+            *(np.zeros(nz), np.zeros(nz), np.zeros((nz, nz))),
+        )
+
+
+@kernel
+def incremental_torque(
+    M: Matrix,
+    B: Matrix,
+    z_dot: Vector,
+    measured: Vector,
+    mu: float,
+    v: Vector,
+    missing: Vector,
+    force: Vector,
+    work: Matrix,
+) -> int:
+    """v += mu B^-1 M (z'_d - z'); the last three are work space."""
+    for i in range(v.shape[0]):
+        missing[i] = mu * (z_dot[i] - measured[i])
+    apply(M, missing, force)
+    if solve(B, force, missing, work) != 0:
+        return Stop.NO_INVERSE
+    for i in range(v.shape[0]):
+        v[i] += missing[i]
+    return 0
+
+
+controllers.register(TimeDelayControl.name, TimeDelayControl)

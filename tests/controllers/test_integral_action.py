@@ -1,0 +1,56 @@
+"""Laws that reject a constant disturbance: by an integral, or by an observer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.errors import largest_after
+from support.states import random_states
+from support.task_errors import errors_at
+
+import mobman as mm
+from mobman.controllers.task_errors import TaskSpace
+from mobman.model.criterion import Posture
+from mobman.simulation.plant import Plant
+
+PUSHED = mm.Scenario(name="pushed", disturbances=[{"type": "constant", "acceleration": 2.0}])
+
+
+class Standing:
+    """A point where the tip is to stay."""
+
+    def __init__(self, point):
+        self._rows = (np.array(point), *np.zeros((3, 3)))
+
+    def desired(self, t):
+        return self._rows
+
+
+def test_error_obeys_the_equation_of_three_poles():
+    """e'' + K_v e' + K_p e + K_i (integral of e) = 0 at the second tick."""
+    robot, dt = mm.load_robot("tiago_no_hand"), 1e-2
+    task = mm.make_task("circle", robot)
+    space = TaskSpace(robot, task, Posture.of(robot))
+    for _, z in random_states(robot, 5, 71):
+        law = mm.make_controller("computed-torque-integral", K_p=20.0, K_v=8.0, K_i=30.0)
+        law.reset(robot, task, dt)
+        q, z = robot.q_rest + 0.05, 0.2 * z
+        law.step(0.3, q, z, np.zeros(robot.nz))
+        first = errors_at(space, 0.3, q, z).e
+        torque = law.step(0.3, q, z, np.zeros(robot.nz))
+        z_dot = Plant(robot).acceleration(0.3, q, z, torque)
+        e = errors_at(space, 0.3, q, z)
+        e_ddot = e.J @ z_dot + e.J_dot_z - e.p_ddot
+        residual = e_ddot + 8.0 * e.e_dot + 20.0 * e.e + 30.0 * dt * first
+        assert np.abs(residual).max() < 1e-8 * max(1.0, np.abs(e_ddot).max())
+
+
+@pytest.mark.parametrize("law", ["computed-torque-integral", "time-delay", "disturbance-observer"])
+def test_constant_disturbance_is_rejected(law, youbot):
+    """At a point the error goes to 0; without integral or observer it stays where the push takes it."""
+    task = Standing(youbot.tip_pose(youbot.q_rest).translation)
+    record = mm.simulate(youbot, law, task, duration=6.0, scenario=PUSHED, dt=2e-3)
+    assert record.ok, record.message
+    assert largest_after(record, 5.5) < 1e-6
+    other = mm.simulate(youbot, "extended-jacobian", task, duration=6.0, scenario=PUSHED, dt=2e-3)
+    assert largest_after(other, 5.5) > 1e-2
