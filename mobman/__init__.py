@@ -1,8 +1,9 @@
 """mobman: control of non-holonomic mobile manipulators, on Pinocchio.
 
 >>> import mobman as mm
->>> record = mm.simulate("youbot", "tsm", "paper", duration=10.0)
->>> record.metrics["settling_time_1e-4"]
+>>> record = mm.simulate("youbot", "tsm", "paper", duration=0.05)
+>>> record.status, record.torque.shape
+('ok', (51, 5))
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from mobman.model.build import load_robot
     from mobman.model.mobile_manipulator import MobileManipulator
     from mobman.robots.catalogue import list_robots, register_robot
+    from mobman.simulation.compare import Comparison, compare
     from mobman.simulation.record import Record, load_record
     from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
     from mobman.simulation.simulate import simulate
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 # What `import mobman` offers, each loaded when it is first used: the command line and notebooks
 # should not wait for what they do not need.
 _PUBLIC = {
+    "Comparison": "mobman.simulation.compare",
     "Controller": "mobman.controllers.protocol",
     "MobileManipulator": "mobman.model.mobile_manipulator",
     "MobmanError": "mobman.errors",
@@ -37,6 +40,7 @@ _PUBLIC = {
     "Scenario": "mobman.simulation.scenario",
     "Suite": "mobman.benchmark.suite",
     "Task": "mobman.tasks.task",
+    "compare": "mobman.simulation.compare",
     "list_controllers": "mobman.controllers.protocol",
     "list_robots": "mobman.robots.catalogue",
     "list_scenarios": "mobman.simulation.scenario",
@@ -56,6 +60,7 @@ _PUBLIC = {
 }
 
 __all__ = [
+    "Comparison",
     "Controller",
     "MobileManipulator",
     "MobmanError",
@@ -64,6 +69,7 @@ __all__ = [
     "Suite",
     "Task",
     "__version__",
+    "compare",
     "list_controllers",
     "list_robots",
     "list_scenarios",

@@ -14,6 +14,13 @@ class MobmanError(Exception):
 
     ``exit_status`` is what the command line returns for it: 1, the command failed; 2, invalid
     usage.
+
+    >>> import mobman as mm
+    >>> try:
+    ...     mm.load_robot("yuobot")
+    ... except mm.MobmanError as error:
+    ...     print(str(error).partition(" or ")[0], error.exit_status)
+    unknown robot 'yuobot'; did you mean 'youbot' 2
     """
 
     exit_status = 1

@@ -38,6 +38,7 @@ class Registry(Generic[T]):
         self._group = group
         self._own: dict[str, T] = {}  # of the package's modules
         self._items: dict[str, T] = {}  # registered from elsewhere
+        self._broken: set[str] = set()  # other packages' that could not be loaded
         self._discovered = False
 
     @overload
@@ -66,10 +67,27 @@ class Registry(Generic[T]):
         """All names, sorted; third-party ones without loading their packages."""
         return sorted({*self.loaded(), *self._plugins()})
 
+    def every(self) -> dict[str, T]:
+        """All things by name; third-party ones are loaded, and left out with one warning if that
+        fails."""
+        found = {}
+        for name in self.names():
+            if name not in self._broken:
+                try:
+                    found[name] = self.get(name)
+                except UnknownNameError:
+                    self._broken.add(name)
+        return found
+
     def loaded(self) -> dict[str, T]:
         """The things of this process by name: third-party ones only if they were asked for."""
         self._discover()
         return {**self._own, **self._items}
+
+    def own(self) -> dict[str, T]:
+        """The things that come with mobman, by name."""
+        self._discover()
+        return dict(self._own)
 
     def get(self, name: str) -> T:
         """The thing of that name.
@@ -83,7 +101,9 @@ class Registry(Generic[T]):
             return self._own[name]
         if name not in self._items and name in (plugins := self._plugins()):
             try:
-                self._items[name] = plugins[name].load()
+                loaded = plugins[name].load()
+                # what the package's own code registered is the thing: a decorator may give another
+                self._items.setdefault(name, loaded)
             except FOREIGN_ERRORS as error:  # another package's fault must not take mobman down
                 warnings.warn(
                     f"{self.kind} {name!r} of {plugins[name].value} is left out: {error!r}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -76,7 +77,11 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
     except RecursionError as error:
         raise SpecError(f"{where}: arrays or tables are nested without end") from error
     except ValueError as error:  # TOMLDecodeError, and numbers that Python does not take
-        advice = "; it looks like XML" if text.lstrip().startswith("<") else ""
+        advice = ""
+        if text.lstrip().startswith("<"):
+            advice = "; it looks like XML"
+            if what == "robot file":
+                advice += f": a URDF becomes a robot by: mobman robots add {shlex.quote(str(path))}"
         raise SpecError(f"{where}: {error}{advice}") from error
 
 

@@ -13,7 +13,7 @@ CONTRACT = [
     "list_robots", "load_robot", "register_robot", "list_controllers", "make_controller", "simulate",
     "load_record", "list_tasks", "list_scenarios", "make_task", "load_scenario", "view", "MobmanError",
     "Controller", "Task", "Record", "Scenario", "MobileManipulator", "__version__",
-    "load_suite", "run_suite", "load_results", "list_suites", "Suite",
+    "load_suite", "run_suite", "load_results", "list_suites", "Suite", "compare", "Comparison",
 ]  # fmt: skip
 
 

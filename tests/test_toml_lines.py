@@ -135,3 +135,15 @@ def test_lines_do_not_make_suites_differ():
     one = mm.load_suite("quick")
     assert one.lines is not None
     assert one == mm.Suite.model_validate(one.model_dump(by_alias=True))
+
+
+def test_a_urdf_in_the_place_of_a_description_leads_to_robots_add(tmp_path):
+    path = tmp_path / "robot.toml"
+    path.write_text('<?xml version="1.0"?>\n<robot name="a"><link name="b"/></robot>\n')
+    with pytest.raises(
+        SpecError, match=rf"looks like XML.*mobman robots add {re.escape(str(path))}"
+    ):
+        mm.load_robot(path)
+    with pytest.raises(SpecError) as caught:
+        mm.load_scenario(path)
+    assert "robots add" not in str(caught.value)

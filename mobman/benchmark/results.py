@@ -15,8 +15,21 @@ def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
     """The results in a folder, one row a run of the suite.
 
     >>> import mobman as mm
-    >>> frame = mm.load_results("results/paper")  # doctest: +SKIP
-    >>> frame.pivot_table("task_error_rms", "robot", "controller")  # doctest: +SKIP
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> suite = mm.Suite.model_validate(
+    ...     {
+    ...         "schema": 1,
+    ...         "name": "mine",
+    ...         "duration": 0.05,
+    ...         "controllers": {"baseline": {"law": "pseudo-inverse"}},
+    ...         "groups": [{"robots": ["youbot"], "tasks": ["paper"]}],
+    ...     }
+    ... )
+    >>> with ThreadPoolExecutor(1) as pool:
+    ...     done = mm.run_suite(suite, "results/mine", executor=pool, report=False)
+    >>> frame = mm.load_results("results/mine")
+    >>> frame.pivot_table("task_error_final", "robot", "controller").columns.tolist()
+    ['baseline']
 
     Args:
         folder: The folder that ``mobman bench run`` or :func:`mobman.run_suite` wrote.

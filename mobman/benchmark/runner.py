@@ -137,6 +137,11 @@ def run_suite(
 ) -> Summary:
     """Do the runs of a suite that are not in the folder yet, and write its report.
 
+    >>> import mobman as mm
+    >>> summary = mm.run_suite("quick", "results/quick")  # doctest: +SKIP
+    >>> summary.failed, summary.report.html  # doctest: +SKIP
+    ([], PosixPath('results/quick/report.html'))
+
     By default in processes of this machine. Only this process writes to the folder; workers send what
     they have, and need no file system in common with it.
 

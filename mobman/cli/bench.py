@@ -22,6 +22,7 @@ from mobman.cli.output import (
     verbosity,
 )
 from mobman.cli.progress import SuiteDisplay, TuningDisplay, interrupted_once
+from mobman.errors import MobmanError
 from mobman.printable import printable
 
 if TYPE_CHECKING:
@@ -45,8 +46,15 @@ def list_command(as_json: bool) -> None:
     """List the suites."""
     from mobman.benchmark.suite import list_suites, load_suite
 
-    suites = [load_suite(name) for name in list_suites()]
-    rows = [{"name": s.name, "runs": s.size(), "description": s.description} for s in suites]
+    rows = []
+    for name in list_suites():
+        try:
+            suite = load_suite(name)
+            count = suite.size()
+        except MobmanError as error:  # another package's must not hide the others
+            echo(f"mobman: {name} is left out: {' '.join(str(error).split())}", err=True)
+            continue
+        rows.append({"name": name, "runs": count, "description": suite.description})
     if as_json:
         print_json(rows)
     else:

@@ -11,7 +11,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from mobman.cli.output import JSON, console, print_json, table
-from mobman.errors import FOREIGN_ERRORS, UnknownNameError
+from mobman.errors import FOREIGN_ERRORS
 
 Facts = dict[str, Any]
 
@@ -45,7 +45,7 @@ def _controllers() -> tuple[list[str], Callable[[str], Facts]]:
         uses = list(getattr(law, "uses", ()))
         return {"name": name, "description": _summary(law), "uses": uses, "gains": gains}
 
-    return controllers.names(), facts
+    return list(controllers.every()), facts
 
 
 def _tasks() -> tuple[list[str], Callable[[str], Facts]]:
@@ -63,7 +63,7 @@ def _tasks() -> tuple[list[str], Callable[[str], Facts]]:
         ]
         return {"name": name, "description": _summary(tasks.get(name)), "parameters": parameters}
 
-    return tasks.names(), facts
+    return list(tasks.every()), facts
 
 
 def _scenarios() -> tuple[list[str], Callable[[str], Facts]]:
@@ -86,7 +86,7 @@ def _metrics() -> tuple[list[str], Callable[[str], Facts]]:
         keys = ("name", "description", "unit", "better", "section")
         return {key: getattr(metric, key) for key in keys}
 
-    return metrics.names(), facts
+    return list(metrics.every()), facts
 
 
 _KINDS: Mapping[str, tuple[Callable[[], tuple[list[str], Callable[[str], Facts]]], str, str]] = {
@@ -133,12 +133,7 @@ def _command(kind: str) -> click.Command:
         if name is not None:
             print_json(facts(name)) if as_json else _print(facts(name))
             return
-        found = []
-        for each in names:
-            try:
-                found.append(facts(each))
-            except UnknownNameError:
-                continue  # a package's that cannot be loaded, of which there was a warning
+        found = [facts(each) for each in names]
         if as_json:
             print_json(found)
             return

@@ -23,6 +23,20 @@ class Controller(Protocol):
     ``signals_in_place``, true if those arrays stay the same from :meth:`reset` on and are overwritten;
     ``criterion``, what e^a is measured by, the robot's posture criterion if there is none; ``uses``, the
     keys of :data:`INFORMATION` that the law takes, for reports, which say nothing if there is none.
+
+    >>> import mobman as mm
+    >>> import numpy as np
+    >>> class Hold:  # gravity compensation with damping
+    ...     def reset(self, robot, task, dt):
+    ...         self.robot = robot
+    ...
+    ...     def step(self, t, q, z, z_dot):
+    ...         M, bias, B = self.robot.dynamics(q, z)
+    ...         return np.linalg.solve(B, bias - 5.0 * M @ z)
+    >>> isinstance(Hold(), mm.Controller)
+    True
+    >>> mm.simulate("youbot", Hold(), "paper", duration=0.05).status
+    'ok'
     """
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
@@ -76,7 +90,12 @@ class DisplayedLaw(Displayed):
 
 
 def list_controllers() -> list[str]:
-    """The names that :func:`make_controller` takes, sorted."""
+    """The names that :func:`make_controller` takes, sorted: mobman's and other packages'.
+
+    >>> import mobman as mm
+    >>> "tsm" in mm.list_controllers()
+    True
+    """
     return controllers.names()
 
 
@@ -85,7 +104,12 @@ def make_controller(name: str, **gains: Any) -> Controller:
 
     Args:
         name: One of :func:`list_controllers`.
-        **gains: Fields of the controller's ``Gains``; underscores may be left out (``lambda0``).
+        **gains: Fields of the controller's ``Gains``, in the units that ``mobman controllers NAME``
+            lists; underscores may be left out (``lambda0``).
+
+    >>> import mobman as mm
+    >>> mm.make_controller("tsm", a=0.2)
+    TerminalSlidingMode('tsm', a=0.2)
 
     Raises:
         UnknownNameError: If there is no such controller, or it has no such gain.

@@ -36,6 +36,10 @@ def load_robot(
         name_or_path: A name of :func:`list_robots`, the path of a TOML file, a :class:`RobotSpec`
             or a dictionary of its fields.
 
+    >>> import mobman as mm
+    >>> mm.load_robot("youbot")
+    MobileManipulator('youbot', nq=8, nz=5, tip='tip')
+
     Raises:
         UnknownNameError: If no robot has the name.
         SpecError: If the description or its URDF is not valid; the message names file and field.

@@ -86,6 +86,14 @@ class MobileManipulator(Displayed):
     is each thread's own. Vectors are arrays or lists; methods raise UsageError if one has another shape
     than is said, or not only finite numbers.
 
+    >>> import mobman as mm
+    >>> robot = mm.load_robot("youbot")
+    >>> robot.velocity_map(robot.q_rest).shape  # C of (9)
+    (8, 5)
+    >>> slip = robot.constraint_matrix(robot.q_rest) @ robot.velocity_map(robot.q_rest)  # A N = 0
+    >>> bool(abs(slip).max() < 1e-12)
+    True
+
     Attributes:
         name: The robot's name.
         spec: The description it was made from.

@@ -23,7 +23,12 @@ _loaded: dict[EntryPoint, RobotSpec | None] = {}
 
 def list_robots() -> list[str]:
     """The names that :func:`load_robot` takes, sorted; packages' robots without loading them, less those
-    that could not be loaded."""
+    that could not be loaded.
+
+    >>> import mobman as mm
+    >>> "youbot" in mm.list_robots()
+    True
+    """
     return sorted({*own_robots(), *_registered, *_plugins(), *_users()})
 
 
@@ -49,6 +54,13 @@ def register_robot(spec_or_path: RobotSpec | Mapping[str, Any] | str | os.PathLi
     Args:
         spec_or_path: A :class:`RobotSpec`, a dictionary of its fields, or a TOML file. It goes before
             any other robot of its name.
+
+    >>> import mobman as mm
+    >>> spec = mm.load_robot("youbot").spec
+    >>> mm.register_robot(spec.model_copy(update={"name": "mine"}))
+    'mine'
+    >>> mm.load_robot("mine").nz
+    5
 
     Returns:
         The robot's name.

@@ -35,7 +35,7 @@ class Stage:
         return torque
 
 
-actuations = Types("actuation type", PACKAGE)
+actuations = Types("actuation type", PACKAGE, "mobman.actuation")
 """Types of actuation; each starts as a :class:`Stage`, or None."""
 
 

@@ -16,7 +16,7 @@ from mobman.simulation.pieces import PACKAGE, Each, Piece, Setting, Types
 Torque = Callable[[float], Array]
 """Disturbance torque on the motors' axes at time t (N m, N), shape (nz,)."""
 
-disturbances = Types("disturbance type", PACKAGE)
+disturbances = Types("disturbance type", PACKAGE, "mobman.disturbances")
 """Types of disturbances; each starts as a :data:`Torque`."""
 
 _TONES = 64

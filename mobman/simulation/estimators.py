@@ -15,7 +15,7 @@ Estimate = Callable[[Array, Array], Array]
 """z' at a tick, a new array, from the measured z and the true z' under the torque held until now, shapes
 (nz,); called once at every tick."""
 
-estimators = Types("acceleration estimator", PACKAGE)
+estimators = Types("acceleration estimator", PACKAGE, "mobman.acceleration")
 """Types of estimators; each starts as an :data:`Estimate`."""
 
 

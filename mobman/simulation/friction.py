@@ -25,7 +25,7 @@ class Resistance(NamedTuple):
     """The largest derivative of each axis' friction by its rate (N m s, N s/m), shape (nz,)."""
 
 
-frictions = Types("friction type", PACKAGE)
+frictions = Types("friction type", PACKAGE, "mobman.friction")
 """Types of friction; each starts as a :class:`Resistance`."""
 
 

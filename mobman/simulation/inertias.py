@@ -18,7 +18,7 @@ from mobman.simulation.pieces import PACKAGE, Piece, Setting, Triple, Types, som
 Change = Callable[[pin.Model], None]
 """Changes the true robot's inertias in place."""
 
-inertias = Types("type of inertias", PACKAGE)
+inertias = Types("type of inertias", PACKAGE, "mobman.inertias")
 """Types of differences; each starts as a :data:`Change`."""
 
 

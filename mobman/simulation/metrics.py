@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mobman.arrays import Array
-from mobman.errors import SingularityError
+from mobman.errors import FOREIGN_ERRORS, SingularityError
 from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -90,7 +91,7 @@ class Metric:
     """Its name in the few lines that ``mobman run`` prints; empty if it is not among them."""
 
 
-metrics: Registry[Metric] = Registry("metric", PACKAGE)
+metrics: Registry[Metric] = Registry("metric", PACKAGE, "mobman.metrics")
 
 
 def metric(
@@ -128,13 +129,24 @@ def metric(
 
 def list_metrics() -> list[Metric]:
     """All metrics, sorted by name."""
-    return [metrics.get(name) for name in metrics.names()]
+    return list(metrics.every().values())
 
 
 def compute_metrics(run: Run) -> dict[str, float]:
     """Every metric of a run."""
     with np.errstate(all="ignore"):  # of a run that diverged some are infinite
-        return {item.name: float(item.function(run)) for item in list_metrics()}
+        return {item.name: _value(item, run) for item in list_metrics()}
+
+
+def _value(item: Metric, run: Run) -> float:
+    try:
+        return float(item.function(run))
+    except FOREIGN_ERRORS as error:
+        if item.name in metrics.own():
+            raise
+        # another package's fault must not take a run down
+        warnings.warn(f"metric {item.name!r} is NaN: {error!r}", stacklevel=2)
+        return math.nan
 
 
 # Tracking ----------------------------------------------------------------------------------------

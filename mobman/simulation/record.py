@@ -270,6 +270,15 @@ def state_sha256(*samples: Array) -> str:
 def load_record(path: str | os.PathLike[str]) -> Record:
     """The record in an HDF5 file.
 
+    >>> import mobman as mm
+    >>> path = mm.simulate("youbot", "pseudo-inverse", "paper", duration=0.05).save("run.h5")
+    >>> mm.load_record(path).t[-1].round(6).item()
+    0.05
+
+    Args:
+        path: A file that :meth:`mobman.Record.save`, ``mobman run -o`` or a suite wrote; one of unknown
+            origin runs no code.
+
     Raises:
         RecordError: If there is no such file, or it is not a record that this version reads.
     """

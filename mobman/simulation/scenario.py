@@ -92,7 +92,18 @@ MOST_PIECES = 100
 
 
 class Scenario(Displayed, Strict):
-    """A scenario: the content of a file ``mobman/simulation/scenarios/NAME.toml``."""
+    """A scenario: the content of a file ``mobman/simulation/scenarios/NAME.toml``.
+
+    >>> import mobman as mm
+    >>> late = mm.Scenario(
+    ...     name="late", payload=0.5, actuation=[{"type": "delay", "delay": 0.001}]
+    ... )
+    >>> mm.simulate("youbot", "pseudo-inverse", "paper", duration=0.05, scenario=late).scenario
+    'late'
+
+    Raises:
+        SpecError: With every field that is wrong: what was found and what is allowed.
+    """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
     description: str = ""
@@ -236,7 +247,12 @@ def _given(scenario: Scenario) -> dict[str, Any]:
 
 
 def list_scenarios() -> list[str]:
-    """The names that :func:`mobman.simulate` takes as ``scenario``, sorted."""
+    """The names that :func:`mobman.simulate` takes as ``scenario``, sorted.
+
+    >>> import mobman as mm
+    >>> "heavier" in mm.list_scenarios()
+    True
+    """
     return sorted(_files())
 
 
@@ -245,6 +261,14 @@ _loading: ContextVar[tuple[Path, ...]] = ContextVar("_loading", default=())
 
 def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
     """A scenario by name, or from a TOML file.
+
+    >>> import mobman as mm
+    >>> mm.load_scenario("heavier")
+    Scenario('heavier', mass_factor=1.3, payload=1.0)
+
+    Args:
+        name_or_path: One of :func:`list_scenarios`, or a path, which ends in ``.toml`` or has a
+            separator.
 
     Raises:
         UnknownNameError: If there is no such name.

@@ -23,7 +23,7 @@ class Sensor:
         """Change z', shape (nz,), in place; after :meth:`state`."""
 
 
-sensors = Types("sensor type", PACKAGE)
+sensors = Types("sensor type", PACKAGE, "mobman.sensors")
 """Types of errors; each starts as a :class:`Sensor`, or None."""
 
 

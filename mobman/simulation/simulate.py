@@ -56,11 +56,16 @@ def simulate(
     1 ms). The robot starts at rest with v = 0. A run that diverges, or meets a singularity that its
     law cannot pass, ends there: the record says when and why.
 
+    >>> import mobman as mm
+    >>> record = mm.simulate("youbot", "tsm", "paper", duration=0.05, scenario="heavier")
+    >>> record.status, record.metrics["torque_peak"] > 0.0
+    ('ok', True)
+
     Args:
         robot: The robot that the controller supposes; by name, TOML file or object.
         controller: By name, with default gains, or an object; see :class:`Controller`.
         task: By name or object; see :class:`Task`.
-        duration: s.
+        duration: Simulated time (s).
         dt: Sampling period (s).
         q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
         plant: The true robot: an object, or the scenario (or its name) whose masses, inertias and
@@ -72,6 +77,9 @@ def simulate(
         observe: Called with t, q, z and the torque, copies of them, as the run goes.
         observe_every: How much simulated time there is from one call to the next (s), to the nearest
             tick.
+
+    Returns:
+        The record: samples of every tick, metrics, and what is needed to repeat the run.
 
     Raises:
         UnknownNameError: If a name is not registered.

@@ -16,7 +16,7 @@ Slip = Callable[[Array, Array, Array], Callable[[], None]]
 """Gives a function that adds to the third: the pose (x1, x2, theta) (m, m, rad), its rate if the wheels
 roll (the pose's part of C z), and its rate by slip; shapes (3,), read in place."""
 
-slips = Types("slip type", PACKAGE)
+slips = Types("slip type", PACKAGE, "mobman.slip")
 """Types of slip; each starts as a :data:`Slip`, or None."""
 
 

@@ -32,6 +32,16 @@ class Task(Protocol):
     Optional attributes: ``period`` (s), where the path closes, for the metric of repeatability;
     ``duration`` (s), how long it is defined; ``name``, for records; ``entry(t, p_d)``, which gives a
     function without arguments that does the same as ``desired``, for speed (:func:`task_entry`).
+
+    >>> import mobman as mm
+    >>> import numpy as np
+    >>> class Stay:
+    ...     def desired(self, t):
+    ...         return np.array([2.0, 0.0, 0.3]), np.zeros(3), np.zeros(3), np.zeros(3)
+    >>> isinstance(Stay(), mm.Task)
+    True
+    >>> mm.simulate("youbot", "pseudo-inverse", Stay(), duration=0.05).task_error.shape
+    (51, 3)
     """
 
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
@@ -55,7 +65,12 @@ tasks: Registry[TaskFactory] = Registry("task", "mobman.tasks", "mobman.tasks")
 
 
 def list_tasks() -> list[str]:
-    """The names that :func:`mobman.simulate` takes as ``task``."""
+    """The names that :func:`mobman.simulate` takes as ``task``, sorted: mobman's and other packages'.
+
+    >>> import mobman as mm
+    >>> "circle" in mm.list_tasks()
+    True
+    """
     return tasks.names()
 
 
@@ -71,7 +86,13 @@ def make_task(
         name: One of :func:`list_tasks`.
         robot: Who has to do it; by name or object.
         q0: Where it starts; ``robot.q_rest`` by default.
-        **parameters: Those of the task (:func:`parameters_of`) that are not to have their defaults.
+        **parameters: Those of the task (:func:`parameters_of`, units as ``mobman tasks NAME`` lists
+            them) that are not to have their defaults.
+
+    >>> import mobman as mm
+    >>> circle = mm.make_task("circle", "youbot", radius=0.3)
+    >>> circle.radius, [len(part) for part in circle.desired(0.0)]
+    (0.3, [3, 3, 3, 3])
 
     Raises:
         UnknownNameError: If no task has the name.

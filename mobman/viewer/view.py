@@ -170,6 +170,10 @@ def view(
 ) -> View:
     """Show a robot, a run, or several runs together.
 
+    >>> import mobman as mm
+    >>> record = mm.simulate("youbot", "pseudo-inverse", "paper", duration=0.05)
+    >>> page = mm.view(record, html="run.html")
+
     Args:
         what: A robot (an object, a name, a TOML file or a description), a run (a record or its HDF5
             file), or several runs.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
+import sys
 
 import pytest
 from rich.console import Console
@@ -95,3 +97,21 @@ def test_bars_say_which_time_is_which(monkeypatch):
     kinds = [type(column).__name__ for column in display._progress.columns]
     assert kinds[texts.index("elapsed") + 1] == "TimeElapsedColumn"
     assert kinds[texts.index("left") + 1] == "TimeRemainingColumn"
+
+
+def test_ctrl_c_while_it_is_loaded_is_one_line():
+    """However early: here at the import of the first of its modules."""
+    code = (
+        "import os, runpy, signal, sys\n"
+        "class Interrupt:\n"
+        "    def find_spec(self, name, *rest):\n"
+        "        if name == 'mobman.cli.main':\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\n"
+        "            signal.pause()\n"
+        "sys.meta_path.insert(0, Interrupt())\n"
+        "runpy.run_module('mobman', run_name='__main__')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "mobman: interrupted\n")

@@ -46,4 +46,6 @@ class Objective:
         return min(value, CEILING) if not math.isnan(value) else CEILING
 
 
-objectives: Registry[Objective] = Registry("tuning objective", "mobman.benchmark.tuning.objectives")
+objectives: Registry[Objective] = Registry(
+    "tuning objective", "mobman.benchmark.tuning.objectives", "mobman.objectives"
+)

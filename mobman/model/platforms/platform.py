@@ -194,7 +194,9 @@ class Platform(ABC):
         return np.zeros((len(self.coordinates), len(self.velocity_names)))
 
 
-platforms: Registry[type[Platform]] = Registry("platform type", "mobman.model.platforms")
+platforms: Registry[type[Platform]] = Registry(
+    "platform type", "mobman.model.platforms", "mobman.platforms"
+)
 
 
 # Kernels that all platforms have in common; the platform's own stand between them, see

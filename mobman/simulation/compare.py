@@ -1,0 +1,150 @@
+"""Several runs side by side: their metrics as a table, their errors and torques as a figure."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mobman.display import Displayed, Shown
+from mobman.errors import UsageError
+from mobman.simulation.record import Record, load_record
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NAMED_BY = ("controller", "robot", "task", "scenario", "seed")
+Run = Record | str | os.PathLike[str]
+
+
+class Comparison(Displayed):
+    """Runs side by side, see :func:`compare`.
+
+    Attributes:
+        records: The records by label.
+    """
+
+    def __init__(self, records: Mapping[str, Record]) -> None:
+        self.records = dict(records)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A frame of a row a run, by label: robot, task, scenario, controller, seed, status, and every
+        metric by its name (units as ``mobman metrics`` lists them)."""
+        import pandas as pd
+
+        names = (*_NAMED_BY, "status")
+        rows = {
+            label: {name: getattr(record, name) for name in names} | record.metrics
+            for label, record in self.records.items()
+        }
+        return pd.DataFrame.from_dict(rows, orient="index")
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
+        """Draw the norms of errors and torques of all runs against time.
+
+        Args:
+            path: A file (``.html``, ``.svg``, ``.pdf``, ``.png``), as for :meth:`mobman.Record.plot`.
+
+        Returns:
+            The file's path; without one a chart of Altair, which notebooks show.
+
+        Raises:
+            UsageError: If the suffix is another.
+            MobmanError: If the file cannot be written.
+        """
+        from mobman.figures import charts, files
+        from mobman.figures.looks import looks_of
+
+        records = self.records
+        looks = looks_of(
+            {label: str(r.spec.get("law") or r.controller) for label, r in records.items()}
+        )
+        duration = max(float(record.t[-1]) for record in records.values()) or 1.0
+        title = " · ".join(records)
+        specs: list[charts.Spec] = []
+        for axis, name in (
+            ("|eᵉ|  (m)", "task_error"),
+            ("|eᵃ|", "auxiliary_error"),
+            ("|v|", "torque"),
+        ):
+            curves = []
+            for label, record in records.items():
+                with np.errstate(over="ignore", invalid="ignore"):
+                    size = np.asarray(np.linalg.norm(getattr(record, name), axis=1))
+                seen = np.where(np.isfinite(size), np.maximum(size, charts.FLOOR), np.nan)
+                end = math.nan if record.ok else float(record.t[-1])
+                curves.append(charts.Curve(label, *charts.thin(record.t, seen), end))
+            spec = charts.time_chart(
+                curves,
+                looks,
+                title=f"{axis} against time: {title}",
+                axis=axis,
+                duration=duration,
+                heading="" if specs else title,
+            )
+            specs.append(spec)
+        return files.displayed(specs) if path is None else files.save(Path(path), specs, title)
+
+    def _shown(self) -> Shown:
+        return Shown(f"Comparison({', '.join(self.records)})", {})
+
+    def _repr_html_(self) -> str:
+        table = self.table.T
+        html: str = table.to_html(float_format="{:.4g}".format, escape=True)
+        return html
+
+
+def compare(runs: Sequence[Run] | Mapping[str, Run]) -> Comparison:
+    """Compare runs: a table and a figure.
+
+    >>> import mobman as mm
+    >>> laws = ["pseudo-inverse", "damped-least-squares"]
+    >>> both = mm.compare([mm.simulate("youbot", law, "paper", duration=0.05) for law in laws])
+    >>> both.table.index.tolist(), bool((both.table["task_error_final"] > 3).all())
+    (['pseudo-inverse', 'damped-least-squares'], True)
+    >>> both.plot("both.svg").name
+    'both.svg'
+
+    Args:
+        runs: Records or their files; a dictionary gives them labels, which are otherwise what the runs
+            differ in (controller, robot, task, scenario, seed).
+
+    Raises:
+        UsageError: If there is no run, or one is neither a record nor a path.
+        RecordError: If a file is not a record.
+    """
+    if isinstance(runs, (Record, str, os.PathLike)) or not isinstance(runs, (Sequence, Mapping)):
+        raise UsageError(f"runs = {runs!r}: expected a list or a dictionary of records or files")
+    if not runs:
+        raise UsageError("runs is empty: expected at least one record")
+    given = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
+    records = [_record(run) for run in given]
+    labels = list(map(str, runs)) if isinstance(runs, Mapping) else _labels(records)
+    return Comparison(dict(zip(labels, records, strict=True)))
+
+
+def _record(run: Run) -> Record:
+    if isinstance(run, Record):
+        return run
+    if not isinstance(run, (str, os.PathLike)):
+        raise UsageError(f"{run!r} is not a run: expected a record or the path of its file")
+    return load_record(run)
+
+
+def _labels(records: Sequence[Record]) -> list[str]:
+    """What the runs differ in, numbered where that is nothing."""
+    parts = [name for name in _NAMED_BY if len({getattr(r, name) for r in records}) > 1]
+    parts = parts or ["controller"]
+    names = [
+        " · ".join(f"seed {r.seed}" if p == "seed" else getattr(r, p) for p in parts)
+        for r in records
+    ]
+    return [
+        f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name
+        for i, name in enumerate(names)
+    ]
