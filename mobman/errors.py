@@ -71,7 +71,14 @@ class ModelError(MobmanError):
 
 
 class SingularityError(MobmanError):
-    """A matrix that a law must factorise has lost its rank: j (kinematic) or J (algorithmic)."""
+    """A matrix that must be factorised has lost its rank.
+
+    ``matrix`` is its name: j (kinematic), J (algorithmic), J_e, M, B; empty if it is not known.
+    """
+
+    def __init__(self, message: str, matrix: str = "") -> None:
+        self.matrix = matrix
+        super().__init__(message)
 
 
 class RecordError(MobmanError):

@@ -38,7 +38,9 @@ def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
         A frame indexed by run id. Columns: ``robot``, ``task``, ``scenario``, ``controller`` (its
         label in the suite), ``law``, ``seed``, ``dt`` (s), ``duration`` (s), ``status`` (as in
         :class:`mobman.Record`; ``"failed"`` for a run without a result, ``"pending"`` for one that is
-        not done yet), ``message``, ``file``, and every metric by its name, NaN where a run has none.
+        not done yet), ``message``, ``file``, every metric by its name, and what is known of a
+        singularity (``singular_matrix``, ``singular_time``, ..., see :attr:`mobman.Record.singularity`);
+        NaN where a run has none.
 
     Raises:
         MobmanError: If the folder holds no results.
@@ -68,5 +70,6 @@ def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
         else:
             row |= {"status": summary.status, "message": summary.message, "file": str(path)}
             row |= summary.metrics
+            row |= {f"singular_{name}": value for name, value in summary.singularity.items()}
         rows.append(row)
     return pd.DataFrame(rows).set_index("run_id")

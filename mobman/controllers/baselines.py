@@ -23,7 +23,6 @@ from mobman.controllers.gains import (
 )
 from mobman.controllers.protocol import DisplayedLaw, controllers
 from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
-from mobman.errors import SingularityError
 from mobman.linalg import (
     apply,
     apply_transpose,
@@ -121,7 +120,7 @@ class ResolvedAcceleration(DisplayedLaw):
         self._run()
         self._measured[:] = z_dot
         if stop := self._law():
-            raise SingularityError(Stop(stop).reason)
+            raise Stop(stop).error(self.extended)
         return self._v.copy()
 
     def settings(self) -> dict[str, Any]:

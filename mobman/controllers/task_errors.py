@@ -11,6 +11,7 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.gains import Diagonal, diagonal
+from mobman.errors import SingularityError
 from mobman.linalg import dot, multiply
 from mobman.model.criterion import Criterion, Posture
 from mobman.model.dynamics import Buffers
@@ -34,6 +35,12 @@ class Stop(IntEnum):
             Stop.NO_INVERSE: "the actuation matrix B has no inverse",
             Stop.NO_ACCELERATION: "the task's Jacobian is singular",
         }[self]
+
+    def error(self, extended: bool) -> SingularityError:
+        """The error of a law whose task is the extended one of (13), or the tip's alone."""
+        task = "J" if extended else "J_e"
+        matrix = {Stop.NOT_DEFINITE: "M", Stop.NO_INVERSE: "B", Stop.NO_ACCELERATION: task}[self]
+        return SingularityError(self.reason, matrix)
 
 
 class TaskSpace:

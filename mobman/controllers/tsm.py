@@ -36,7 +36,6 @@ from mobman.controllers.gains import (
 from mobman.controllers.protocol import DisplayedLaw, controllers
 from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
-from mobman.errors import SingularityError
 from mobman.linalg import apply_transpose, dot, gram, norm, solve
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
@@ -376,7 +375,7 @@ class TerminalSlidingMode(DisplayedLaw):
         now.run_inertia()
         self._z_dot[:] = z_dot
         if stop := self._law():
-            raise SingularityError(Stop(stop).reason)
+            raise Stop(stop).error(self.extended)
         return self._held.v.copy()
 
     def settings(self) -> dict[str, Any]:

@@ -191,7 +191,7 @@ class ExtendedJacobian:
     def _resolve(self, status: int) -> None:
         if status != GAUGE_LOST:
             raise SingularityError(
-                "j j^T is singular to working precision: a kinematic singularity"
+                "j j^T is singular to working precision: a kinematic singularity", "j"
             )
         # the first state, or one far from the last
         self.complement[:] = _nearest_complement(self._own.j, self._own.rows)
@@ -398,7 +398,7 @@ def orthonormal_complement(j: Array) -> Array:
     """
     complement: Array = null_space(j).T
     if len(complement) != j.shape[1] - j.shape[0]:
-        raise SingularityError("j = [df_e/dq; A 0] has lost its rank: a kinematic singularity")
+        raise SingularityError("j = [df_e/dq; A 0] has lost its rank: a kinematic singularity", "j")
     return complement
 
 

@@ -55,6 +55,7 @@ class Samples:
         work: Integral of z^T (B v - D) over the run (J).
         status: As in :class:`mobman.Record`.
         message: The same.
+        error: What the law or the plant raised where a matrix had lost its rank.
     """
 
     def __init__(self, rows: int, robot: MobileManipulator, m: int) -> None:
@@ -72,6 +73,7 @@ class Samples:
         self.work = 0.0
         self.status = "ok"
         self.message = ""
+        self.error: SingularityError | None = None
 
     def keep_applied(self) -> None:
         """Make room for torques that act, where these are not those that are commanded."""
@@ -188,6 +190,8 @@ class Loop:
         except (SingularityError, np.linalg.LinAlgError) as error:
             samples.status = "singular"
             samples.message = f"at t = {self._tick[0] * self.dt:.6g} s: {error}"
+            lost = isinstance(error, SingularityError)
+            samples.error = error if lost else SingularityError(str(error))
         except SystemExit as error:
             raise MobmanError(
                 f"at t = {self._tick[0] * self.dt:.6g} s: the code of the controller, the task or the "

@@ -172,7 +172,7 @@ def require_success(status: int) -> None:
         SingularityError: If a step failed because M is not positive definite.
     """
     if status:
-        raise SingularityError("the plant's inertia M is not positive definite")
+        raise SingularityError("the plant's inertia M is not positive definite", "M")
 
 
 @kernel

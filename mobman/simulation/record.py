@@ -20,7 +20,7 @@ from mobman.display import Displayed, Shown
 from mobman.errors import MobmanError, RecordError
 from mobman.isolation import Crash, helper, limits
 from mobman.provenance import machine
-from mobman.simulation.record_file import APPLIED, DICTIONARIES, file_content, write_file
+from mobman.simulation.record_file import APPLIED, DICTIONARIES, OPTIONAL, file_content, write_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +70,8 @@ class Record(Displayed):
     metrics: dict[str, float]
     """By name; see docs/metrics.md. NaN where a metric has no meaning, inf where it was not reached."""
     status: str
-    """``"ok"``, ``"diverged"`` or ``"singular"``."""
+    """``"ok"``, ``"diverged"``, or ``"singular"``: a matrix that the law inverts had lost its rank
+    before the state ran away, see ``singularity``."""
     message: str
     """For a run that is not ok: when it ended, and why."""
     robot: str
@@ -99,6 +100,10 @@ class Record(Displayed):
     its description; ``"plant/0/NAME"``, ... of a plant that is another robot."""
     machine: dict[str, str] = field(default_factory=machine)
     """Processor, architecture and system that the run was made on."""
+    singularity: dict[str, Any] = field(default_factory=dict)
+    """Of a run that is singular: ``matrix`` (J, J_e, j, M or B), ``time`` (s) from which its least
+    singular value ``sigma_min`` was below ``bound``, the ``joint`` of the arm nearest to its limits, and
+    how far inside these it was, ``margin`` (rad, m; negative: beyond). What is not known is left out."""
     state_sha256: str = ""
     """SHA-256, hexadecimal, of t, q, z and torque at every tick, in this order, as little-endian
     doubles by rows: equal where two runs are, to the last bit. A decimated record has that of all."""
@@ -283,7 +288,7 @@ def load_record(path: str | os.PathLike[str]) -> Record:
         RecordError: If there is no such file, or it is not a record that this version reads.
     """
     content = _read(Path(path), whole=True)
-    for name in DICTIONARIES:
+    for name in (*DICTIONARIES, *OPTIONAL):
         content[name] = json.loads(content.pop(f"{name}_json"))
     return Record(**content.pop("fields"), **content)
 
@@ -307,6 +312,7 @@ class RecordSummary:
     versions: Mapping[str, str]
     machine: Mapping[str, str]
     created: str
+    singularity: Mapping[str, Any]
 
 
 def read_summary(path: Path) -> RecordSummary:
@@ -317,7 +323,7 @@ def read_summary(path: Path) -> RecordSummary:
     """
     head = _read(path, whole=False)
     kept = {field.name for field in fields(RecordSummary)}
-    for name in kept & set(DICTIONARIES):
+    for name in kept & {*DICTIONARIES, *OPTIONAL}:
         text = head[f"{name}_json"]
         head[name] = (
             json.loads(text) if name == "spec" else _shared(text)

@@ -44,6 +44,8 @@ TEXTS = (
     *("urdf_sha256", "state_sha256", "created"),
 )
 DICTIONARIES = ("spec", "settings", "versions", "machine")
+OPTIONAL = ("singularity",)
+"""Dictionaries that a file has where they are not empty."""
 APPLIED = "torque_applied"
 """The signal of the torque that acts, where the scenario's actuation makes it another one."""
 OWN_PLACES = {
@@ -153,7 +155,7 @@ def _write_attributes(file: h5py.File, record: Mapping[str, Any], every: int) ->
     file.attrs["decimation"] = np.int64(record["decimation"] * every)
     for name in TEXTS:
         file.attrs[name] = _text(record[name])
-    for name in DICTIONARIES:
+    for name in (*DICTIONARIES, *(name for name in OPTIONAL if record[name])):
         file.attrs[f"{name}_json"] = _text(_json(record[name]))
     file.attrs["signals"] = np.array(list(record["signals"]), dtype=h5py.string_dtype())
     metrics = file.create_group("metrics", track_times=False)

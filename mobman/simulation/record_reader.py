@@ -22,6 +22,7 @@ from mobman.simulation.record_file import (
     DICTIONARIES,
     EARLIER,
     FIELDS,
+    OPTIONAL,
     OWN_PLACES,
     SCHEMA_VERSION,
     TEXTS,
@@ -106,6 +107,12 @@ class _Reader:
         """Everything but the samples."""
         found: dict[str, Any] = {name: self._text(name) for name in TEXTS}
         found |= {f"{name}_json": self._json(f"{name}_json") for name in DICTIONARIES}
+        found |= {
+            f"{name}_json": self._json(f"{name}_json")
+            if f"{name}_json" in self._attributes
+            else "{}"
+            for name in OPTIONAL
+        }
         for name in ("versions", "machine"):
             values = json.loads(found[f"{name}_json"]).values()
             if not all(isinstance(value, str) for value in values):

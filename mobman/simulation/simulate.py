@@ -26,6 +26,7 @@ from mobman.simulation.record import Record
 from mobman.simulation.record_file import APPLIED
 from mobman.simulation.run_spec import RunSpec
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
+from mobman.simulation.singularity import verdict
 from mobman.tasks.task import Task, make_task, task_map_of
 
 _MOST_TICKS = 10_000_000  # a run keeps some 50 numbers of 8 bytes a tick: 4 GB
@@ -255,6 +256,14 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
     samples, controller, robot = loop.samples, loop.controller, loop.robot
     done = _run_of(loop)
     n = samples.count
+    status, message, singularity = samples.status, samples.message, {}
+    if not done.completed:
+        extended = bool(getattr(controller, "extended", False))
+        found = verdict(done, extended, samples.error)
+        status = "singular" if found else "diverged"
+        if found:
+            message = "; ".join(filter(None, (message, str(found))))
+            singularity = found.as_recorded()
     settings: dict[str, Any] = getattr(controller, "settings", dict)()
     signals = {name: values[:n] for name, values in samples.signals.items()}
     if samples.applied is not None:
@@ -271,8 +280,9 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
         compute_time=done.compute_time,
         signals=signals,
         metrics=compute_metrics(done),
-        status=samples.status,
-        message=samples.message,
+        status=status,
+        message=message,
+        singularity=singularity,
         robot=run.robot,
         controller=run.label,
         task=run.task,

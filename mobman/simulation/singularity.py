@@ -1,0 +1,279 @@
+"""Singularities of a run: the verdict on one that ended early, and the prediction before it.
+
+A run that ends early either met a singularity of the matrix that its law inverts, or its loop was
+unstable. At the end both look the same, since a state that runs away passes through singular postures,
+too. The verdict looks at the run before: up to where the tip had left its task, or the posture changed
+by more in a tick than sampling resolves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.controllers.bounds import jacobian_bound
+from mobman.controllers.task_errors import TaskSpace
+from mobman.errors import MobmanError, SingularityError
+from mobman.model.criterion import Criterion, Posture
+from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.simulation.metrics import Run
+from mobman.tasks.paths import place_of
+from mobman.tasks.task import Task, task_map_of
+
+_RESOLVED = 0.05  # rad or m a tick: a posture that changes faster has run away
+_ON_TASK = 0.05  # of the tip's distance from the arm's first joint: an error that is no failure
+_AFTERMATH = 1.0  # s: how long after a singularity its consequences may show
+
+
+@dataclass(frozen=True)
+class Singularity:
+    """A matrix below the bound of its least singular value, and where."""
+
+    matrix: str
+    """``"J"`` of (13), ``"J_e"`` of (43), ``"j"`` of (11), ``"M"``, ``"B"``; empty: not known."""
+    time: float
+    """s."""
+    sigma_min: float
+    """Least singular value; 0 where the sign of the determinant changed. NaN: not known."""
+    bound: float
+    """What it must not fall below; NaN where the matrix could not be factorised at all."""
+    joint: str = ""
+    """The joint of the arm that is nearest to its limits; empty if none has any."""
+    margin: float = math.nan
+    """How far it is inside (rad, m); negative: beyond."""
+
+    def __str__(self) -> str:
+        found = ""
+        if self.matrix and not math.isnan(self.sigma_min):
+            found = f"sigma_min({self.matrix}) = {self.sigma_min:.2g}"
+        if self.sigma_min < self.bound:
+            found += f", below its bound {self.bound:.2g} from t = {self.time:.6g} s on"
+        if self.joint:
+            side = "inside" if self.margin >= 0.0 else "beyond"
+            limit = f"{self.joint} is {abs(self.margin):.2g} {side} its limits"
+            found = f"{found}; {limit}" if found else limit
+        return found
+
+    def as_recorded(self) -> dict[str, Any]:
+        """The fields that are known."""
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if value != "" and not (isinstance(value, float) and math.isnan(value))
+        }
+
+
+class _Jacobians:
+    """J and J_e of a robot and its task at configurations that follow each other."""
+
+    def __init__(self, robot: MobileManipulator, task: Task, criterion: Criterion) -> None:
+        self.m = task_map_of(task).m
+        self.extended = ExtendedJacobian(robot, task_map_of(task), criterion)
+        bounds = {
+            "J": jacobian_bound(robot, task, TaskSpace(robot, task, criterion)),
+            "J_e": jacobian_bound(robot, task, TaskSpace(robot, task)),
+        }
+        self.bounds = {name: math.sqrt(value) for name, value in bounds.items()}
+
+    def sigmas(self) -> dict[str, float]:
+        """Least singular values."""
+        J = self.extended.J
+        parts = {"J_e": J[: self.m], "J": J}
+        return {
+            name: float(np.linalg.svd(part, compute_uv=False)[-1]) for name, part in parts.items()
+        }
+
+    def sign(self) -> float:
+        """Sign of det J over that of a matrix of full rank with the same axes of f_a."""
+        J, extended = self.extended.J, self.extended
+        regular = np.vstack([J[: self.m], extended.complement @ extended.buffers.C])
+        both, _ = np.linalg.slogdet(np.stack([J, regular]))
+        return float(both[0] * both[1])
+
+
+# The verdict ------------------------------------------------------------------------------------------
+
+
+def verdict(run: Run, extended: bool, error: SingularityError | None) -> Singularity | None:
+    """The singularity that ended a run, or None if it ran away for another reason.
+
+    Args:
+        run: The run, which ended early.
+        extended: Whether its law drives the extended task of (13), or the tip alone.
+        error: What the law or the plant raised, if it did.
+    """
+    last = len(run.t) - 1
+    left = left_its_task(run)
+    joint, margin = nearest_limit(run.robot, run.q[left])
+    if error is not None and error.matrix in ("M", "B"):
+        robot = run.plant if error.matrix == "M" else run.robot
+        matrix = getattr(robot.dynamics(run.q[last], run.z[last]), error.matrix)
+        sigma = float(np.linalg.svd(matrix, compute_uv=False)[-1])
+        found = Singularity(error.matrix, run.t[last], sigma, math.nan, joint, margin)
+        return found if left == last else None
+    first = max(0, left - round(_AFTERMATH / run.dt))
+    try:
+        jacobians = _Jacobians(run.robot, run.task, run.criterion)
+    except MobmanError:  # a task whose points cannot be sampled
+        jacobians = None
+    if jacobians is not None:
+        values, signs = _along(jacobians, run.q[first : left + 1])
+        for name in ("J_e", "J") if extended else ("J_e",):
+            low = set(np.flatnonzero(~(values[name] >= jacobians.bounds[name])).tolist())
+            folds = set(np.flatnonzero(np.diff(signs)).tolist()) if name == "J" else set()
+            if low | folds:
+                begin = min(low | folds)
+                return Singularity(
+                    # j of (11) loses its rank where J_e does
+                    error.matrix if error is not None and error.matrix else name,
+                    float(run.t[first + begin]),
+                    0.0 if folds else float(values[name].min()),
+                    jacobians.bounds[name],
+                    *nearest_limit(run.robot, run.q[first + begin]),
+                )
+    if error is None or left < last:
+        return None
+    return Singularity(error.matrix, float(run.t[last]), math.nan, math.nan, joint, margin)
+
+
+def _along(jacobians: _Jacobians, states: Array) -> tuple[dict[str, Array], Array]:
+    """Least singular values along configurations, and the signs of the determinant."""
+    rows, signs = [], []
+    for q in states:
+        try:
+            jacobians.extended.at(q, np.zeros(len(jacobians.extended.f)))
+        except SingularityError:
+            rows.append(dict.fromkeys(jacobians.bounds, 0.0))
+            signs.append(signs[-1] if signs else 1.0)
+        else:
+            rows.append(jacobians.sigmas())
+            signs.append(jacobians.sign())
+    return {name: np.array([row[name] for row in rows]) for name in jacobians.bounds}, np.array(
+        signs
+    )
+
+
+def left_its_task(run: Run) -> int:
+    """The last tick at which a run that ended early was still what its law made of it: not yet
+    farther from its task than at the start and than a share of the arm's reach, for good, nor so
+    fast that a tick does not resolve it."""
+    try:
+        near = _ON_TASK * place_of(run.robot, run.q[0]).reach
+    except MobmanError:
+        near = 0.0
+    distance = run.task_distance
+    inside = np.flatnonzero(distance <= max(float(distance[0]), near))
+    on_task = int(inside[-1]) if len(inside) else 0
+    steps = np.abs(np.diff(run.q[:, _posture(run.robot)], axis=0)).max(axis=1, initial=0.0)
+    fast = np.flatnonzero(~(steps <= _RESOLVED))
+    return min(on_task, int(fast[0])) if len(fast) else on_task
+
+
+def nearest_limit(robot: MobileManipulator, q: Array) -> tuple[str, float]:
+    """The joint of the arm that is nearest to its limits at q, or farthest beyond, and how far it is
+    inside (rad, m); empty and NaN if none has limits."""
+    limits = robot.limits
+    margins = np.minimum(q - limits.lower, limits.upper - q)[robot.arm_index]
+    margins = np.where(np.isfinite(margins), margins, math.inf)
+    if not len(margins) or math.isinf(margins.min()):
+        return "", math.nan
+    nearest = int(np.argmin(margins))
+    return robot.joint_names[robot.arm_index[nearest]], float(margins[nearest])
+
+
+def _posture(robot: MobileManipulator) -> list[int]:
+    """Coordinates that J depends on: the heading and the arm."""
+    names, arm = robot.joint_names, set(robot.arm_index.tolist())
+    return [i for i, name in enumerate(names) if i in arm or name == "base_theta"]
+
+
+# The prediction ---------------------------------------------------------------------------------------
+
+_STEP = 0.02  # s
+_SMALLEST = 1e-5  # s
+_TURN = 0.05  # rad or m: the posture's largest change in a step
+_RATE = 2.0  # 1/s, at which e goes to 0
+_BETWEEN = 0.1  # s: at which singular values are kept
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The motion of a robot that follows its task exactly, with f_a = 0."""
+
+    singular: Singularity | None
+    """Where the motion ends: the solution of the extended task folds back, or j loses its rank."""
+    t: Array
+    """Times (s), shape (N,)."""
+    sigma: Array
+    """Least singular value of J of (13) at them, shape (N,)."""
+    sigma_tip: Array
+    """The same of J_e of (43), shape (N,)."""
+    bound: float
+    """That of ``sigma``: the root of the bound of (22) that ``a = "auto"`` takes."""
+    bound_tip: float
+    """The same of ``sigma_tip``."""
+
+
+def predict_singularity(
+    robot: MobileManipulator,
+    task: Task,
+    *,
+    duration: float,
+    q0: Array | None = None,
+    criterion: Criterion | None = None,
+) -> Prediction:
+    r"""Predict whether a law on the extended task (13) ends in a singularity.
+
+    No dynamics: :math:`\dot q = C J^{-1}(\dot p_d - \kappa e)` is integrated (midpoint rule, at most
+    20 ms and 0.05 rad a step), as laws move that hold e = 0 from some seconds on. The motion ends where
+    the determinant of J changes its sign, or no step is small enough.
+
+    Args:
+        robot: The robot.
+        task: The task.
+        duration: How far to look (s).
+        q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
+        criterion: F; the robot's posture criterion by default.
+    """
+    criterion = Posture.of(robot) if criterion is None else criterion
+    jacobians = _Jacobians(robot, task, criterion)
+    extended, m, posture = jacobians.extended, jacobians.m, _posture(robot)
+    rest = np.zeros(robot.nz)
+
+    def rate(t: float) -> Array:
+        p_d, p_d_dot, *_ = task.desired(t)
+        wanted = -_RATE * extended.f
+        wanted[:m] += np.asarray(p_d_dot) + _RATE * np.asarray(p_d)
+        found: Array = extended.buffers.C @ np.linalg.solve(extended.J, wanted)
+        return found
+
+    q = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
+    t, step, sign, ended = 0.0, _STEP, 0.0, False
+    rows: list[tuple[float, float, float]] = []
+    while not ended and t < duration:
+        try:
+            extended.at(q, rest)
+            here, q_dot = jacobians.sign(), rate(t)
+            fastest = float(np.abs(q_dot[posture]).max(initial=0.0))
+            step = min(_STEP, 2.0 * step, _TURN / max(fastest, _TURN))
+            sign = sign or here
+            ended = here != sign or not step > _SMALLEST
+            if ended or not rows or step < _STEP or t >= rows[-1][0] + _BETWEEN:
+                rows.append((t, *jacobians.sigmas().values()))
+            extended.at(q + 0.5 * step * q_dot, rest)
+            q, t = q + step * rate(t + 0.5 * step), t + step
+        except (SingularityError, np.linalg.LinAlgError):
+            rows.append((t, 0.0, 0.0))
+            ended = True
+    times, tip, both = np.array(rows).T
+    bounds = jacobians.bounds
+    found = None
+    if ended:
+        name, sigma = ("J_e", tip[-1]) if tip[-1] < bounds["J_e"] else ("J", 0.0)
+        found = Singularity(name, float(times[-1]), sigma, bounds[name], *nearest_limit(robot, q))
+    return Prediction(found, times, both, tip, bounds["J"], bounds["J_e"])
