@@ -194,8 +194,8 @@ def _posture(robot: MobileManipulator) -> list[int]:
 
 # The prediction ---------------------------------------------------------------------------------------
 
-_STEP = 0.02  # s
-_SMALLEST = 1e-5  # s
+_STEP = 0.05  # s
+_SMALLEST = 1e-3  # s: a posture that changes by 50 rad/s is at a singularity
 _TURN = 0.05  # rad or m: the posture's largest change in a step
 _RATE = 2.0  # 1/s, at which e goes to 0
 _BETWEEN = 0.1  # s: at which singular values are kept
@@ -230,7 +230,7 @@ def predict_singularity(
     r"""Predict whether a law on the extended task (13) ends in a singularity.
 
     No dynamics: :math:`\dot q = C J^{-1}(\dot p_d - \kappa e)` is integrated (midpoint rule, at most
-    20 ms and 0.05 rad a step), as laws move that hold e = 0 from some seconds on. The motion ends where
+    50 ms and 0.05 rad a step), as laws move that hold e = 0 from some seconds on. The motion ends where
     the determinant of J changes its sign, or no step is small enough.
 
     Args:
