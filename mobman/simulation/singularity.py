@@ -26,6 +26,7 @@ from mobman.tasks.paths import place_of
 from mobman.tasks.task import Task, task_map_of
 
 _RESOLVED = 0.05  # rad or m a tick: a posture that changes faster has run away
+_FARTHER = 2.0  # times the error at the start
 _ON_TASK = 0.05  # of the tip's distance from the arm's first joint: an error that is no failure
 _AFTERMATH = 1.0  # s: how long after a singularity its consequences may show
 
@@ -160,14 +161,14 @@ def _along(jacobians: _Jacobians, states: Array) -> tuple[dict[str, Array], Arra
 
 def left_its_task(run: Run) -> int:
     """The last tick at which a run that ended early was still what its law made of it: not yet
-    farther from its task than at the start and than a share of the arm's reach, for good, nor so
+    farther from its task than twice the start and than a share of the arm's reach, for good, nor so
     fast that a tick does not resolve it."""
     try:
         near = _ON_TASK * place_of(run.robot, run.q[0]).reach
     except MobmanError:
         near = 0.0
     distance = run.task_distance
-    inside = np.flatnonzero(distance <= max(float(distance[0]), near))
+    inside = np.flatnonzero(distance <= max(_FARTHER * float(distance[0]), near))
     on_task = int(inside[-1]) if len(inside) else 0
     steps = np.abs(np.diff(run.q[:, _posture(run.robot)], axis=0)).max(axis=1, initial=0.0)
     fast = np.flatnonzero(~(steps <= _RESOLVED))
