@@ -256,7 +256,8 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
     samples, controller, robot = loop.samples, loop.controller, loop.robot
     done = _run_of(loop)
     n = samples.count
-    status, message, singularity = samples.status, samples.message, {}
+    status, message = samples.status, samples.message
+    singularity: dict[str, Any] = {}
     if not done.completed:
         extended = bool(getattr(controller, "extended", False))
         found = verdict(done, extended, samples.error)

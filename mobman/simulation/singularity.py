@@ -144,7 +144,8 @@ def verdict(run: Run, extended: bool, error: SingularityError | None) -> Singula
 
 def _along(jacobians: _Jacobians, states: Array) -> tuple[dict[str, Array], Array]:
     """Least singular values along configurations, and the signs of the determinant."""
-    rows, signs = [], []
+    rows: list[dict[str, float]] = []
+    signs: list[float] = []
     for q in states:
         try:
             jacobians.extended.at(q, np.zeros(len(jacobians.extended.f)))
@@ -255,7 +256,7 @@ def predict_singularity(
 
     q = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
     t, step, sign, ended = 0.0, _STEP, 0.0, False
-    rows: list[tuple[float, float, float]] = []
+    rows: list[list[float]] = []
     while not ended and t < duration:
         try:
             extended.at(q, rest)
@@ -265,11 +266,11 @@ def predict_singularity(
             sign = sign or here
             ended = here != sign or not step > _SMALLEST
             if ended or not rows or step < _STEP or t >= rows[-1][0] + _BETWEEN:
-                rows.append((t, *jacobians.sigmas().values()))
+                rows.append([t, *jacobians.sigmas().values()])
             extended.at(q + 0.5 * step * q_dot, rest)
             q, t = q + step * rate(t + 0.5 * step), t + step
         except (SingularityError, np.linalg.LinAlgError):
-            rows.append((t, 0.0, 0.0))
+            rows.append([t, 0.0, 0.0])
             ended = True
     times, tip, both = np.array(rows).T
     bounds = jacobians.bounds
