@@ -190,8 +190,7 @@ class Loop:
         except (SingularityError, np.linalg.LinAlgError) as error:
             samples.status = "singular"
             samples.message = f"at t = {self._tick[0] * self.dt:.6g} s: {error}"
-            lost = isinstance(error, SingularityError)
-            samples.error = error if lost else SingularityError(str(error))
+            samples.error = SingularityError(str(error), getattr(error, "matrix", ""))
         except SystemExit as error:
             raise MobmanError(
                 f"at t = {self._tick[0] * self.dt:.6g} s: the code of the controller, the task or the "
