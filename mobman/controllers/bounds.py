@@ -63,12 +63,14 @@ def jacobian_bound(
     none = np.zeros(robot.nz)
     root = np.sqrt(np.ones(robot.nz) if metric is None else metric)
     least = math.inf
-    for t, q in [(0.0, robot.q_rest), *sampled_states(robot, task)]:
+    for i, (t, q) in enumerate([(0.0, robot.q_rest), *sampled_states(robot, task)]):
         try:
             space.at(t, q, none)
         except SingularityError:
             continue  # (15) supposes that such configurations are not met
-        least = min(least, float(np.linalg.svd(space.J * root, compute_uv=False)[-1] ** 2))
+        # a turned platform is no orientation error that is met: the largest is at the start
+        J = space.J if i == 0 else space.aligned_jacobian()
+        least = min(least, float(np.linalg.svd(J * root, compute_uv=False)[-1] ** 2))
     return max(_MARGIN * least, _FLOOR) if math.isfinite(least) else _FLOOR
 
 

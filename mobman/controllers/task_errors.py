@@ -17,6 +17,7 @@ from mobman.model.criterion import Criterion, Posture
 from mobman.model.dynamics import Buffers
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.orientation import REASONS, OrientationError
 from mobman.tasks.task import Task, task_entry, task_map_of
 
 
@@ -49,6 +50,10 @@ class TaskSpace:
     With a criterion these are (f_e, f_a) of (13), p = nz, whose last have the desired values 0 and axes
     that are carried from state to state; without one the tip's alone, p = m, with j_e of (43) for J.
 
+    Whatever the task is about, e = f - p_d, e' = J z - p_d' and e'' = J z' + J' z - p_d''. In the rows
+    of an orientation f is the error e_o of :mod:`mobman.model.orientation` and p_d is 0, J is T J_w C,
+    and p_d' to p_d''' are what the desired motion adds to e_o' to e_o'''.
+
     Args:
         robot: The nominal robot.
         task: Gives p_d.
@@ -60,29 +65,47 @@ class TaskSpace:
         f: Shape (p,).
         J: Shape (p, nz).
         J_dot_z: Shape (p,).
-        p_d: The task's p_d, p_d', p_d'' and p_d''', shape (4, m); see :func:`desired`.
+        p_d: p_d, p_d', p_d'' and p_d''', shape (4, m); see :func:`desired`.
+        task_map: f_e.
     """
 
     def __init__(
         self, robot: MobileManipulator, task: Task, criterion: Criterion | None = None
     ) -> None:
-        task_map, now = task_map_of(task), Buffers(robot)
-        m = task_map.m
-        self.now = now
+        self.task_map = task_map = task_map_of(task)
+        self.now = now = Buffers(robot)
+        m, nz = task_map.m, robot.nz
         self._t, self.p_d = np.zeros(1), np.zeros((4, m))
-        p_d = task_entry(task, self._t, self.p_d)
-        self._update: Callable[[], object]
-        self._velocity = sequence(now.velocity)
+        given = self.p_d if m <= 3 else np.zeros((4, task_map.width))
+        then: tuple[Callable[[], object], ...] = (task_entry(task, self._t, given),)
+        self._J_f, rates, fill = task_map.rows_of(now)
         if criterion is None:
-            self.f, self.J, self.J_dot_z = now.tip[:m], np.zeros((m, robot.nz)), np.zeros(m)
-            rows = (now.tip_jacobian[:m], now.tip_jacobian_rate[:m])
-            own = (now.C, now.q_dot, now.C_dot_z, self.J, self.J_dot_z)
-            self._update = sequence(now.tip_kinematics, bind(tip_rates, *rows, *own), p_d)
+            self.f = now.tip[:m] if m <= 3 else np.zeros(m)
+            self.J, self.J_dot_z = np.zeros((m, nz)), np.zeros(m)
         else:
-            extended = ExtendedJacobian(robot, task_map, criterion, now, then=p_d)
+            extended = ExtendedJacobian(robot, task_map, criterion, now)
             self.f, self.J, self.J_dot_z = extended.f, extended.J, extended.J_dot_z
+        if m > 3:
+            error = OrientationError(task_map, now, given)
+            then += error.rates(self.f, self.J, self.J_dot_z, self.p_d)
+        self._update: Callable[[], int | None]
+        if criterion is None:
+            own = (now.C, now.q_dot, now.C_dot_z, self.J, self.J_dot_z)
+            tip = (now.tip_kinematics, *fill, bind(tip_rates, self._J_f, rates, *own))
+            self._update = sequence(*tip, *then)
+        else:
+            extended.then = then
             self._update = extended.update
+        self._velocity = sequence(now.velocity)
         self.p = len(self.f)
+
+    def aligned_jacobian(self) -> Array:
+        """J at the last state as it is without an orientation error, up to the axes of its rows, shape
+        (p, nz)."""
+        J = self.J.copy()
+        if self.task_map.m > 3:
+            J[3 : self.task_map.m] = self._J_f[3:] @ self.now.C
+        return J
 
     def at(self, t: float, q: Array, z: Array) -> None:
         """Fill f, J, J' z and p_d at time t (s) and state (q, z).
@@ -96,7 +119,8 @@ class TaskSpace:
         now.z[:] = z
         self._velocity()
         now.run_jacobians()
-        self._update()
+        if status := self._update():
+            raise SingularityError(REASONS[status])
 
 
 @kernel

@@ -40,6 +40,7 @@ class Structure(Protocol):
     k: int
     tip_frame: int
     tip_offset: Array
+    tip_rotation: Array
     tip_chain: Array
 
 
@@ -64,6 +65,8 @@ class Buffers:
         M, bias, B: The reduced dynamics (17), shapes (nz, nz), (nz,), (nz, nz).
         tip: Position of the tip (m), shape (3,).
         tip_jacobian, tip_jacobian_rate: World axes, linear rows first, shape (6, nq).
+        tip_rotation: Of the tip frame, shape (3, 3); filled by ``tip_orientation``.
+        tip_axes: For those of a pointing task, see :mod:`mobman.model.task_map`, shape (4, 3).
         run_dynamics: Pinocchio's part of ``inertia`` and ``bias_terms``; needs q and q_dot.
         run_all: The same, leaving the joints' placements and Jacobians (not their rates) behind.
         run_inertia: Pinocchio's part of ``inertia``; needs q.
@@ -83,6 +86,7 @@ class Buffers:
         self.M, self.bias, self.B = np.zeros((nz, nz)), np.zeros(nz), np.eye(nz)
         self.tip, self.tip_jacobian = np.zeros(3), np.zeros((6, nq))
         self.tip_jacobian_rate = np.zeros((6, nq))
+        self.tip_rotation, self.tip_axes = np.eye(3), np.zeros((4, 3))
 
         # local names, since these run many times a tick
         model, q, q_dot = robot.model, self.q, self.q_dot
@@ -167,6 +171,13 @@ class Buffers:
             *(placement.rotation, placement.translation, robot.tip_offset, robot.tip_chain),
             *(data.J, data.dJ, self.q_dot, self.tip, self.tip_jacobian, self.tip_jacobian_rate),
         )
+
+    @cached_property
+    def tip_orientation(self) -> Callable[[], None]:
+        """Fills the tip's rotation, after ``run_jacobians``."""
+        robot = self._robot
+        placement = self.data.oMi[robot.model.frames[robot.tip_frame].parentJoint]
+        return bind(tip_orientation, placement.rotation, robot.tip_rotation, self.tip_rotation)
 
 
 @kernel
@@ -320,3 +331,13 @@ def tip_kinematics(
         rate[1, j] = on * (rate_origin[1, j] + r2 * x - r0 * z) + w2 * x_dot - w0 * z_dot
         rate[2, j] = on * (rate_origin[2, j] + r0 * y - r1 * x) + w0 * y_dot - w1 * x_dot
         rate[3, j], rate[4, j], rate[5, j] = on * r0, on * r1, on * r2
+
+
+@kernel
+def tip_orientation(joint: Columns, frame: Matrix, rotation: Matrix) -> None:
+    """The tip frame's rotation, from that of its joint and its own in the joint's axes."""
+    for i in range(3):
+        for j in range(3):
+            rotation[i, j] = 0.0
+            for k in range(3):
+                rotation[i, j] += joint[i, k] * frame[k, j]

@@ -36,7 +36,14 @@ from mobman.linalg import (
 from mobman.model.criterion import Criterion, criterion_entry
 from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.task_map import TaskMap, add_task_hessian, add_task_hessian_rate
+from mobman.model.orientation import REASONS
+from mobman.model.task_map import (
+    TaskMap,
+    add_task_hessian,
+    add_task_hessian_rate,
+    add_turning_hessian,
+    add_turning_hessian_rate,
+)
 
 SINGULAR = 1
 """Status: j has lost its rank."""
@@ -53,7 +60,7 @@ class ExtendedKinematics(NamedTuple):
     """f = (f_e, f_a) and its derivatives at one (q, z)."""
 
     f_e: Array
-    """Tip coordinates of the task (m), shape (m,)."""
+    """Tip coordinates of the task (m), shape (m,); 0 in the rows of an orientation."""
     f_a: Array
     """Auxiliary coordinates (11), shape (nz - m,); their axes are the rows of ``complement``."""
     J: Array
@@ -72,6 +79,9 @@ class Given(NamedTuple):
     tip: Vector
     tip_jacobian: Matrix
     tip_jacobian_rate: Matrix
+    J_f: Matrix
+    J_f_rate: Matrix
+    axes: Matrix
     A: Matrix
     A_rate: Matrix
     A_x: Tensor
@@ -115,9 +125,9 @@ class ExtendedJacobian:
         task_map: f_e.
         criterion: F.
         buffers: The robot's matrices at the state, if somebody computes them already.
-        then: An entry that :meth:`update` calls at its end.
 
     Attributes:
+        then: Entries that :meth:`update` calls at its end; set before its first call.
         buffers: The robot's matrices at the state.
         f: (f_e, f_a) of (13), shape (nz,).
         J: Shape (nz, nz).
@@ -132,17 +142,17 @@ class ExtendedJacobian:
         task_map: TaskMap,
         criterion: Criterion,
         buffers: Buffers | None = None,
-        then: Callable[[], object] | None = None,
     ) -> None:
         self.buffers = now = Buffers(robot) if buffers is None else buffers
-        self._then = () if then is None else (then,)
+        self.then: tuple[Callable[[], object], ...] = ()
         self._criterion = criterion
         nq, nz, m, s = robot.nq, robot.nz, task_map.m, task_map.m + robot.k
         self.f, self.J, self.J_dot_z = np.zeros(nz), np.zeros((nz, nz)), np.zeros(nz)
         self.complement = first_axes(nz - m, nq)
+        J_f, J_f_rate, self._rows = task_map.rows_of(now)
         self._at = Given(
             *(robot.platform_index, robot.arm_index),
-            *(now.tip, now.tip_jacobian, now.tip_jacobian_rate),
+            *(now.tip, now.tip_jacobian, now.tip_jacobian_rate, J_f, J_f_rate, now.tip_axes),
             *(now.A, now.A_rate, now.A_x, now.A_x_rate, now.N, now.q_dot, now.C_dot_z),
             *(np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))),
         )
@@ -160,14 +170,16 @@ class ExtendedJacobian:
 
     @cached_property
     def _auxiliary(self) -> Callable[[], int]:
-        return sequence(self._evaluate_criterion, bind(coordinates, self._at, self._own))
+        return sequence(
+            *self._rows, self._evaluate_criterion, bind(coordinates, self._at, self._own)
+        )
 
     @cached_property
     def _update(self) -> Callable[[], int]:
         now, at, own = self.buffers, self._at, self._own
         return sequence(
-            *(now.constraints, now.tip_kinematics, self._evaluate_criterion),
-            *(bind(coordinates, at, own), bind(rates, at, own), *self._then),
+            *(now.constraints, now.tip_kinematics, *self._rows, self._evaluate_criterion),
+            *(bind(coordinates, at, own), bind(rates, at, own), *self.then),
         )
 
     def auxiliary(self) -> None:
@@ -190,6 +202,8 @@ class ExtendedJacobian:
 
     def _resolve(self, status: int) -> None:
         if status != GAUGE_LOST:
+            if status in REASONS:
+                raise SingularityError(REASONS[status])
             raise SingularityError(
                 "j j^T is singular to working precision: a kinematic singularity", "j"
             )
@@ -215,7 +229,7 @@ def coordinates(at: Given, own: Found) -> int:
     """f = (f_e, f_a) of (13), on the rows of ker j that are nearest to those before."""
     k = at.A.shape[0]
     m = own.j.shape[0] - k
-    copy(at.tip_jacobian[:m], own.j)  # j = [J_f; A 0] under (11)
+    copy(at.J_f, own.j)  # j = [J_f; A 0] under (11)
     copy(at.A, own.j[m:])
     gram(own.j, own.lower)  # j j^T = L L^T
     if cholesky(own.lower, own.lower) != 0 or not well_posed(own.lower):
@@ -223,7 +237,7 @@ def coordinates(at: Given, own: Found) -> int:
     if carry(own.j, own.lower, own.complement, own.rows, own.defect, own.work[0]) != 0:
         return GAUGE_LOST
     for i in range(m):
-        own.f[i] = at.tip[i]
+        own.f[i] = at.tip[i] if i < 3 else 0.0  # an orientation has no coordinates, but an error
     apply(own.complement, at.g, own.f[m:])  # f_a = N g (11)
     return 0
 
@@ -236,7 +250,7 @@ def rates(at: Given, own: Found) -> None:
     m = s - at.A.shape[0]
     lam, lam_rate, transport = own.work[0, :s], own.work[1, :s], own.work[2, :s]
     total = own.work[3]
-    copy(at.tip_jacobian_rate[:m], j_rate)
+    copy(at.J_f_rate, j_rate)
     copy(at.A_rate, j_rate[m:])
     # lam = -(j^+)^T g = -(j j^T)^-1 j g
     apply(j, g, lam)
@@ -245,10 +259,15 @@ def rates(at: Given, own: Found) -> None:
         lam[i] = -lam[i]
     # K = H + D(lam), and its rate at fixed lam
     copy(at.H, K)
-    add_task_hessian(at.tip_jacobian, lam, m, K)
+    add_task_hessian(at.tip_jacobian, lam, min(m, 3), K)
+    if m > 3:
+        add_turning_hessian(at.tip_jacobian, lam[3:m], at.axes, K)
     _add_constraint_hessian(at.platform_index, at.A_x, lam[m:], K)
     copy(at.H_rate, K_rate)
-    add_task_hessian_rate(at.tip_jacobian, at.tip_jacobian_rate, lam, m, K_rate)
+    add_task_hessian_rate(at.tip_jacobian, at.tip_jacobian_rate, lam, min(m, 3), K_rate)
+    if m > 3:
+        given = (at.tip_jacobian, at.tip_jacobian_rate)
+        add_turning_hessian_rate(given[0], given[1], lam[3:m], at.axes, K_rate)
     _add_constraint_hessian(at.platform_index, at.A_x_rate, lam[m:], K_rate)
     # j_e = J_f C of (43), J_a = N K C
     _times_C(j[:m], at, own.J[:m])

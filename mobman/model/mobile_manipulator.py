@@ -52,6 +52,10 @@ class TipKinematics(NamedTuple):
     """dp/dq and d(angular velocity)/dq', shape (6, nq)."""
     jacobian_rate: Array
     """d/dt of ``jacobian`` along q', shape (6, nq)."""
+    rotation: Array
+    """Of the tip frame, shape (3, 3)."""
+    omega: Array
+    """Angular velocity (rad/s), shape (3,)."""
 
 
 class Limits(NamedTuple):
@@ -151,6 +155,7 @@ class MobileManipulator(Displayed):
         self.k = self.nq - self.nz
         tip = model.frames[self.tip_frame]
         self.tip_offset = np.array(tip.placement.translation)
+        self.tip_rotation = np.array(tip.placement.rotation, order="C")
         self.tip_chain = np.zeros(self.nq)
         self.tip_chain[[model.joints[i].idx_v for i in model.supports[tip.parentJoint] if i]] = 1.0
         self._of_thread = local()
@@ -352,7 +357,7 @@ class MobileManipulator(Displayed):
         )
 
     def tip_kinematics(self, q: Array, z: Array) -> TipKinematics:
-        """Tip position, Jacobian and Jacobian rate at (q, z), from one pass over the tree.
+        """Tip position, rotation, Jacobian and Jacobian rate at (q, z), from one pass over the tree.
 
         Args:
             q: Configuration (m, rad), shape (nq,).
@@ -361,10 +366,13 @@ class MobileManipulator(Displayed):
         now = self._at(q, z)
         now.run_jacobians()
         now.tip_kinematics()
+        now.tip_orientation()
         return TipKinematics(
             position=now.tip.copy(),
             jacobian=now.tip_jacobian.copy(),
             jacobian_rate=now.tip_jacobian_rate.copy(),
+            rotation=now.tip_rotation.copy(),
+            omega=now.tip_jacobian[3:] @ now.q_dot,
         )
 
     # What the methods above work with ----------------------------------------------------------

@@ -30,6 +30,7 @@ class Divergence(IntEnum):
     DESIRED = 12
     FAST = 13
     FAR = 14
+    NOT_UNIT = 15
 
     def reason(self, z: Array, error: Array) -> str:
         """The reason in words.
@@ -43,6 +44,7 @@ class Divergence(IntEnum):
             Divergence.STATE: "the state is not finite",
             Divergence.DESIRED: "the desired trajectory is not finite",
             Divergence.FAST: f"|z| is {np.abs(z).max():.3g}, above {FASTEST:g}",
+            Divergence.NOT_UNIT: "the desired quaternion, or axis, is not of length 1",
             Divergence.FAR: f"|e^e| is {np.abs(error).max():.3g} m, above {FARTHEST:g} m",
         }[self]
 
@@ -223,21 +225,22 @@ def divergence(q: Vector, z: Vector, tip: Vector, p_d: Matrix) -> int:
         q: Configuration, shape (nq,).
         z: Reduced velocity, shape (nz,).
         tip: Position of the tip (m), shape (3,).
-        p_d: The desired position in its first row, shape (4, m).
+        p_d: The desired position in its first row, shape (4, 2) or more.
     """
+    directions = min(p_d.shape[1], 3)
     for i in range(q.shape[0]):
         if not math.isfinite(q[i]):
             return Divergence.STATE.value
     for i in range(z.shape[0]):
         if not math.isfinite(z[i]):
             return Divergence.STATE.value
-    for i in range(p_d.shape[1]):
+    for i in range(directions):
         if not math.isfinite(tip[i] - p_d[0, i]):
             return Divergence.DESIRED.value
     for i in range(z.shape[0]):
         if abs(z[i]) > FASTEST:
             return Divergence.FAST.value
-    for i in range(p_d.shape[1]):
+    for i in range(directions):
         if abs(tip[i] - p_d[0, i]) > FARTHEST:
             return Divergence.FAR.value
     return Divergence.NO.value

@@ -20,6 +20,13 @@ from mobman.linalg import dot
 from mobman.model.criterion import Criterion, Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.orientation import (
+    NOT_UNIT,
+    OrientationError,
+    Turn,
+    pointing_error,
+    pose_error,
+)
 from mobman.model.task_map import TaskMap
 from mobman.simulation.actuation import ActuationChain
 from mobman.simulation.integrator import Divergence, TickIntegrator, divergence
@@ -38,14 +45,18 @@ class Samples:
     Args:
         rows: Number of ticks.
         robot: The plant's robot.
-        m: Dimension of the task space.
+        task_map: The task's coordinates.
 
     Attributes:
         q: Configuration (m, rad), shape (rows, nq).
         z: Reduced velocity, shape (rows, nz).
         torque: Commanded v, shape (rows, nz).
-        tip: Task coordinates of the tip, f_e (m), shape (rows, m).
-        desired: p_d (m), shape (rows, m).
+        tip: Position of the tip, f_e (m), shape (rows, min(m, 3)).
+        desired: That desired, p_d (m), shape (rows, min(m, 3)).
+        orientation: Of the tip, (w, x, y, z) or the axis that points, shape (rows, 4 or 3); without rows
+            for other tasks.
+        desired_orientation: The same that is desired.
+        orientation_error: e_o, shape (rows, m - 3).
         auxiliary: e^a, shape (rows, nz - m); NaN where it is not known.
         compute_time: Time that the controller took (s), shape (rows,).
         applied: Torque that acts, shape (rows, nz); None where it is the commanded one.
@@ -58,12 +69,16 @@ class Samples:
         error: What the law or the plant raised where a matrix had lost its rank.
     """
 
-    def __init__(self, rows: int, robot: MobileManipulator, m: int) -> None:
+    def __init__(self, rows: int, robot: MobileManipulator, task_map: TaskMap) -> None:
+        m, size = task_map.m, task_map.width - 3
         self.q = np.empty((rows, robot.nq))
         self.z = np.empty((rows, robot.nz))
         self.torque = np.empty((rows, robot.nz))
-        self.tip = np.empty((rows, m))
-        self.desired = np.empty((rows, m))
+        self.tip, self.desired = np.empty((2, rows, min(m, 3)))
+        self.orientation, self.desired_orientation = np.empty(
+            (2, rows if m > 3 else 0, max(size, 0))
+        )
+        self.orientation_error = np.empty((rows, max(m - 3, 0)))
         self.auxiliary = np.full((rows, robot.nz - m), np.nan)
         self.compute_time = np.empty(rows)
         self.applied: Array | None = None
@@ -149,7 +164,7 @@ class Loop:
         self.robot, self.controller, self.task = robot, controller, task
         self.task_map, self.plant = task_map, plant
         self.ticks, self.dt = ticks, dt
-        self.samples = Samples(ticks + 1, plant.robot, task_map.m)
+        self.samples = Samples(ticks + 1, plant.robot, task_map)
         self._measurement, self._actuation = measurement, actuation
         self._progress, self._observe, self._stride = progress, observe, stride
         self._integrator = TickIntegrator(plant, actuation, q0, dt)
@@ -292,8 +307,12 @@ class Loop:
 
     def _looking(self) -> Callable[[], int]:
         """Entry that keeps a row of the state, or reports why it counts as diverged; then z'."""
-        plant, samples, p_d = self.plant, self.samples, np.zeros((4, self.task_map.m))
-        now = plant.now
+        plant, samples, p_d = self.plant, self.samples, np.zeros((4, self.task_map.width))
+        now, orientation = plant.now, []
+        if self.task_map.m > 3:
+            turn = OrientationError(self.task_map, now, p_d).turn
+            rows = (samples.orientation, samples.desired_orientation, samples.orientation_error)
+            orientation = [now.tip_orientation, bind(_look_at_turn, self._tick, turn, p_d, *rows)]
         return sequence(
             now.tip_kinematics,
             now.constraints,
@@ -305,6 +324,7 @@ class Loop:
                 *(samples.q, samples.z, samples.tip, samples.desired),
                 *(now.A, plant.q_dot, self._residual),
             ),
+            *orientation,
             plant.dynamics,
             bind(accelerate, plant.forces, self._z_dot, np.zeros(1)),
         )
@@ -366,7 +386,7 @@ def _look(
         q_rows[row, i] = q[i]
     for i in range(z.shape[0]):
         z_rows[row, i] = z[i]
-    for i in range(p_d.shape[1]):
+    for i in range(tip_rows.shape[1]):
         tip_rows[row, i] = tip[i]
         desired_rows[row, i] = p_d[0, i]
     status = divergence(q, z, tip, p_d)
@@ -374,6 +394,21 @@ def _look(
         for i in range(A.shape[0]):
             largest[0] = max(largest[0], abs(dot(A[i], q_dot)))
     return status
+
+
+@kernel
+def _look_at_turn(
+    tick: Index, turn: Turn, p_d: Matrix, rows: Matrix, desired_rows: Matrix, error_rows: Matrix
+) -> int:
+    """Write the tick's row of the orientation; a :class:`Divergence`. Half a turn is none here."""
+    row, pose = tick[0], error_rows.shape[1] == 3
+    status = pose_error(turn, p_d) if pose else pointing_error(turn, p_d)
+    for i in range(rows.shape[1]):
+        rows[row, i] = turn.tip[i] if pose else turn.omega[1, i]
+        desired_rows[row, i] = p_d[0, 3 + i]
+    for i in range(error_rows.shape[1]):
+        error_rows[row, i] = turn.e[i]
+    return Divergence.NOT_UNIT.value if status == NOT_UNIT else 0
 
 
 @kernel

@@ -67,8 +67,17 @@ class Run:
 
     @property
     def task_distance(self) -> Array:
-        """|e^e| at the ticks (m), shape (N,)."""
-        return np.asarray(np.linalg.norm(self.task_error, axis=1))
+        """|e^e| at the ticks (m), of an orientation's rows without these, shape (N,)."""
+        return np.asarray(np.linalg.norm(self.task_error[:, :3], axis=1))
+
+    @property
+    def task_angle(self) -> Array | None:
+        """Angle between the tip and the desired orientation at the ticks (rad), shape (N,); None if the
+        task has none."""
+        if self.task_error.shape[1] <= 3:
+            return None
+        half = 0.5 * np.linalg.norm(self.task_error[:, 3:], axis=1)
+        return np.asarray(2.0 * np.arcsin(np.minimum(half, 1.0)))
 
 
 Function = Callable[[Run], float]
@@ -89,6 +98,8 @@ class Metric:
     ``"consistency"``, ``"timing"``; others come last."""
     short: str = ""
     """Its name in the few lines that ``mobman run`` prints; empty if it is not among them."""
+    applies: Callable[[Run], bool] | None = None
+    """False for runs that have no such number, which are recorded without it; None: all have it."""
 
 
 metrics: Registry[Metric] = Registry("metric", PACKAGE, "mobman.metrics")
@@ -103,6 +114,7 @@ def metric(
     early: float | None = None,
     section: str = "",
     short: str = "",
+    applies: Callable[[Run], bool] | None = None,
 ) -> Callable[[Function], Function]:
     """Decorator: register a function of a :class:`Run` as a metric.
 
@@ -114,13 +126,14 @@ def metric(
         early: The metric of a run that ended early, if the function is for completed ones only.
         section: See :class:`Metric`.
         short: See :class:`Metric`.
+        applies: See :class:`Metric`.
     """
 
     def register(function: Function) -> Function:
         def whole(run: Run) -> float:
             return function(run) if early is None or run.completed else early
 
-        item = Metric(name, unit, description, better, whole, section, short)
+        item = Metric(name, unit, description, better, whole, section, short, applies)
         metrics.register(name, item, module=function.__module__)
         return function
 
@@ -133,9 +146,13 @@ def list_metrics() -> list[Metric]:
 
 
 def compute_metrics(run: Run) -> dict[str, float]:
-    """Every metric of a run."""
+    """Every metric of a run that applies to it."""
     with np.errstate(all="ignore"):  # of a run that diverged some are infinite
-        return {item.name: _value(item, run) for item in list_metrics()}
+        return {
+            item.name: _value(item, run)
+            for item in list_metrics()
+            if item.applies is None or item.applies(run)
+        }
 
 
 def _value(item: Metric, run: Run) -> float:
@@ -156,7 +173,12 @@ _tracking = partial(metric, section="tracking", early=math.inf)
 
 def settling_time(run: Run, threshold: float) -> float:
     """First time from which |e^e| stays below a threshold (m) to the end (s); inf if there is none."""
-    above = np.flatnonzero(~(run.task_distance <= threshold))
+    return settled(run, run.task_distance, threshold)
+
+
+def settled(run: Run, error: Array, threshold: float) -> float:
+    """The same of errors at the ticks, shape (N,)."""
+    above = np.flatnonzero(~(error <= threshold))
     if len(above) and above[-1] == len(run.t) - 1:
         return math.inf
     return float(run.t[above[-1] + 1]) if len(above) else 0.0
@@ -175,12 +197,13 @@ for _threshold in ("1e-2", "1e-4", "1e-6"):
 @_tracking(
     "success",
     "1",
-    "1 if the run was completed and |e^e| settled below 1e-4 m, else 0",
+    "1 if completed and |e^e| settled below 1e-4 m (and rad), else 0",
     "higher",
     early=0.0,
 )
 def success(run: Run) -> float:
-    return float(math.isfinite(settling_time(run, 1e-4)))
+    errors = [run.task_distance, *([] if run.task_angle is None else [run.task_angle])]
+    return float(all(math.isfinite(settled(run, error, 1e-4)) for error in errors))
 
 
 @_tracking(

@@ -56,11 +56,12 @@ class Record(Displayed):
     """Commanded v, held from each tick to the next (N m, N), shape (N_s, nz); where an actuation lies
     between, the signal ``"torque_applied"`` is what acts."""
     tip_position: Array
-    """Task coordinates of the tip, f_e (m), shape (N_s, m)."""
+    """Position of the tip, f_e (m), shape (N_s, min(m, 3))."""
     tip_desired: Array
-    """p_d (m), shape (N_s, m)."""
+    """That desired, p_d (m), shape (N_s, min(m, 3))."""
     task_error: Array
-    """e^e = f_e - p_d (m), shape (N_s, m)."""
+    """e^e = f_e - p_d, shape (N_s, m): position (m); from column 3 on e_o, of length 2 sin(angle/2),
+    three of a pose, two of a pointing task (:mod:`mobman.model.orientation`)."""
     auxiliary_error: Array
     """e^a = f_a of (11), in axes carried along the motion, shape (N_s, nz - m)."""
     compute_time: Array
@@ -104,6 +105,11 @@ class Record(Displayed):
     """Of a run that is singular: ``matrix`` (J, J_e, j, M or B), ``time`` (s) from which its least
     singular value ``sigma_min`` was below ``bound``, the ``joint`` of the arm nearest to its limits, and
     how far inside these it was, ``margin`` (rad, m; negative: beyond). What is not known is left out."""
+    tip_orientation: Array | None = field(default=None)
+    """Orientation of the tip, unit quaternion (w, x, y, z), shape (N_s, 4), or in a pointing task the
+    axis that points, shape (N_s, 3), in world axes; None for tasks of position."""
+    tip_desired_orientation: Array | None = field(default=None)
+    """The same that is desired."""
     state_sha256: str = ""
     """SHA-256, hexadecimal, of t, q, z and torque at every tick, in this order, as little-endian
     doubles by rows: equal where two runs are, to the last bit. A decimated record has that of all."""
@@ -214,7 +220,10 @@ class Record(Displayed):
         title = f"{self.controller} on {self.robot}, {self.task}, {self.scenario}"
         if not self.ok:
             title += f": {self.status}"
-        norms = {"|eᵉ|  (m)": self.task_error, "|eᵃ|": self.auxiliary_error}
+        norms = {"|eᵉ|  (m)": self.task_error[:, :3]}
+        if self.tip_orientation is not None:
+            norms["|eₒ|  (rad)"] = self.task_error[:, 3:]
+        norms["|eᵃ|"] = self.auxiliary_error
         sliding = {f"|{name}|": self.signals.get(f"sliding/{name}") for name in "sS"}
         norms |= {name: values for name, values in sliding.items() if values is not None}
         specs = charts.run_charts(

@@ -35,10 +35,25 @@ FIELDS: dict[str, tuple[str, str, str, str]] = {
     ),
     "tip/position": ("tip_position", "axis", "m", "task coordinates of the tip, f_e"),
     "tip/desired": ("tip_desired", "axis", "m", "desired trajectory p_d"),
-    "error/task": ("task_error", "axis", "m", "e^e = f_e - p_d"),
+    "error/task": ("task_error", "error/component", "m", "e^e = f_e - p_d"),
     "error/auxiliary": ("auxiliary_error", "auxiliary_component", "1", "e^a = f_a of (11)"),
     "compute_time": ("compute_time", "", "s", "time that the controller took for this tick"),
 }
+ORIENTATION: dict[str, tuple[str, str, str, str]] = {
+    "tip/orientation": (
+        "tip_orientation",
+        "tip/component",
+        "1",
+        "orientation of the tip: unit quaternion w, x, y, z, or the axis that points",
+    ),
+    "tip/desired_orientation": (
+        "tip_desired_orientation",
+        "tip/component",
+        "1",
+        "the orientation desired",
+    ),
+}
+"""The same of runs whose task has an orientation."""
 TEXTS = (
     *("status", "message", "robot", "controller", "task", "scenario"),
     *("urdf_sha256", "state_sha256", "created"),
@@ -66,6 +81,19 @@ _ROWS = 16384  # of a chunk at most: what reads a moment of a long run need not 
 _names = itertools.count()
 
 
+def places_of(record: Mapping[str, Any]) -> dict[str, tuple[str, str, str, str]]:
+    """The datasets that a record has, as :data:`FIELDS` describes them."""
+    has = record.get("tip_orientation") is not None
+    return {**FIELDS, **ORIENTATION} if has else FIELDS
+
+
+def error_components(m: int) -> list[str]:
+    """Names of the components of e^e: directions, then axes of the turn back, for a pose those of the
+    world."""
+    turns = {5: ["about b_1", "about b_2"], 6: ["about x", "about y", "about z"]}
+    return ["x", "y", "z"][:m] + turns.get(m, [])
+
+
 def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int = 4) -> bytes:
     """The content of a record's file; equal records make equal bytes.
 
@@ -84,7 +112,7 @@ def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int 
     rows: Any = sorted({*range(0, count, every), count - 1}) if every > 1 else slice(None)
     content = _file_of(record, every, rows, compression)
     samples = [record["t"], *record["signals"].values()]
-    samples += [record[field] for field, *_ in FIELDS.values()]
+    samples += [record[field] for field, *_ in places_of(record).values()]
     if sum(np.asarray(values)[rows].nbytes for values in samples) > most_bytes(len(content)):
         return _file_of(record, every, rows, 0)  # a robot at rest, say: or it could not be read
     return content
@@ -180,7 +208,8 @@ def _write_samples(file: h5py.File, record: Mapping[str, Any], rows: Any, compre
 
     time = samples("t", record["t"], "s", "time")
     time.make_scale("t")
-    directions = ["x", "y", "z"][: record["task_error"].shape[1]]
+    names = error_components(record["task_error"].shape[1])
+    directions = names[:3]
     components = np.arange(record["auxiliary_error"].shape[1])
     scales = {
         "joint": axis("joint", record["joint_names"], "", "coordinates of q"),
@@ -190,7 +219,14 @@ def _write_samples(file: h5py.File, record: Mapping[str, Any], rows: Any, compre
         "axis": axis("axis", directions, "", "world axes"),
         "auxiliary_component": axis("auxiliary_component", components, "1", "components of e^a"),
     }
-    for place, (field, columns, units, description) in FIELDS.items():
+    scales["error/component"] = scales["axis"]
+    places = places_of(record)
+    if places is not FIELDS:
+        scales["error/component"] = axis("error/component", names, "", "components of e^e")
+        names = ["w", *directions][-record["tip_orientation"].shape[1] :]
+        scales["tip/component"] = axis("tip/component", names, "", "components of orientations")
+    for place, (field, columns, units, description) in places.items():
+        units = "m, then 1" if place == "error/task" and places is not FIELDS else units
         data = samples(place, record[field], units, description)
         data.dims[0].attach_scale(time)
         if columns:

@@ -23,6 +23,7 @@ from mobman.simulation.record_file import (
     EARLIER,
     FIELDS,
     OPTIONAL,
+    ORIENTATION,
     OWN_PLACES,
     SCHEMA_VERSION,
     TEXTS,
@@ -137,7 +138,10 @@ class _Reader:
         nq, nz = (len(joints),), (len(velocities),)
         columns: dict[str, tuple[int, ...]] = {"q": nq, "z": nz, "torque": nz, "compute_time": ()}
         fields: dict[str, Array] = {}
-        for place, (field, *_) in FIELDS.items():
+        places = dict(FIELDS)
+        if isinstance(tip := self._open("tip"), h5py.h5g.GroupID) and b"orientation" in tip:
+            places |= ORIENTATION
+        for place, (field, *_) in places.items():
             found = self._samples(place, (rows, *columns.get(place, (None,))))
             must_be_finite = place in _FINITE or (ok and place in _FINITE_IF_OK)
             if must_be_finite and not np.all(np.isfinite(found)):
@@ -148,6 +152,14 @@ class _Reader:
                 f"tip/desired has shape {fields['tip_desired'].shape}, and tip/position "
                 f"{fields['tip_position'].shape}"
             )
+        turned = [fields[field].shape for field, *_ in ORIENTATION.values() if field in fields]
+        if turned:
+            m = {4: 6, 3: 5}.get(turned[0][1], 0)
+            if turned[0] != turned[1] or fields["task_error"].shape[1] != m:
+                raise ValueError(
+                    f"tip/orientation has shape {turned[0]}, tip/desired_orientation {turned[1]}, and "
+                    f"error/task {fields['task_error'].shape}"
+                )
         return {
             "t": t,
             "fields": fields,

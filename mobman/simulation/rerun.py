@@ -22,7 +22,7 @@ from mobman.simulation import parts
 from mobman.simulation.metrics import list_metrics
 from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record, load_record
-from mobman.simulation.record_file import FIELDS, as_in_file
+from mobman.simulation.record_file import as_in_file, error_components, places_of
 from mobman.simulation.run_spec import RunSpec
 from mobman.simulation.simulate import seconds, simulate, true_plant, whole_ticks
 from mobman.tasks.task import Task
@@ -332,7 +332,9 @@ def _same_ticks(record: Record, again: Record) -> Index:
 
 
 def _samples(record: Record) -> dict[str, Array]:
-    found = {place: getattr(record, field) for place, (field, *_) in FIELDS.items()}
+    found = {
+        place: getattr(record, field) for place, (field, *_) in places_of(vars(record)).items()
+    }
     return _without_timing({"t": record.t, **found, **record.signals})
 
 
@@ -396,11 +398,13 @@ def _pair(
 def _column(place: str, index: tuple[Any, ...], record: Record) -> str:
     if not index:
         return ""
-    axis = FIELDS[place][1] if place in FIELDS else ""
+    places = places_of(vars(record))
+    axis = places[place][1] if place in places else ""
     names: dict[str, list[str]] = {
         "joint": record.joint_names,
         "velocity": record.velocity_names,
         "axis": ["x", "y", "z"],
+        "error/component": error_components(record.task_error.shape[1]),
     }
     if axis in names:
         return f", {names[axis][index[0]]}"

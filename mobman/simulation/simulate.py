@@ -247,6 +247,7 @@ def _task_map(task: Task, robot: MobileManipulator) -> TaskMap:
     if robot.nz < task_map.m:
         raise UsageError(
             f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {task_map.m}"
+            + ("; a task of position has 3" if task_map.m > 3 else "")
         )
     return task_map
 
@@ -276,6 +277,10 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
         torque=samples.torque[:n],
         tip_position=samples.tip[:n],
         tip_desired=samples.desired[:n],
+        tip_orientation=samples.orientation[:n] if len(samples.orientation) else None,
+        tip_desired_orientation=samples.desired_orientation[:n]
+        if len(samples.orientation)
+        else None,
         task_error=done.task_error,
         auxiliary_error=done.auxiliary_error,
         compute_time=done.compute_time,
@@ -304,6 +309,9 @@ def _run_of(loop: Loop) -> Run:
     """The run as metrics see it."""
     samples = loop.samples
     n = samples.count
+    error = samples.tip[:n] - samples.desired[:n]
+    if len(samples.orientation):
+        error = np.hstack([error, samples.orientation_error[:n]])
     return Run(
         completed=samples.status == "ok",
         duration=loop.ticks * loop.dt,
@@ -312,7 +320,7 @@ def _run_of(loop: Loop) -> Run:
         q=samples.q[:n],
         z=samples.z[:n],
         torque=(samples.torque if samples.applied is None else samples.applied)[:n],
-        task_error=samples.tip[:n] - samples.desired[:n],
+        task_error=error,
         auxiliary_error=samples.auxiliary[:n],
         compute_time=samples.compute_time[:n],
         work=samples.work,

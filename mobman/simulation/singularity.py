@@ -245,13 +245,13 @@ def predict_singularity(
     criterion = Posture.of(robot) if criterion is None else criterion
     jacobians = _Jacobians(robot, task, criterion)
     extended, m, posture = jacobians.extended, jacobians.m, _posture(robot)
-    rest = np.zeros(robot.nz)
+    space, rest = TaskSpace(robot, task, criterion), np.zeros(robot.nz)
 
-    def rate(t: float) -> Array:
-        p_d, p_d_dot, *_ = task.desired(t)
-        wanted = -_RATE * extended.f
-        wanted[:m] += np.asarray(p_d_dot) + _RATE * np.asarray(p_d)
-        found: Array = extended.buffers.C @ np.linalg.solve(extended.J, wanted)
+    def rate(t: float, q: Array) -> Array:
+        space.at(t, q, rest)
+        wanted = -_RATE * space.f
+        wanted[:m] += space.p_d[1] + _RATE * space.p_d[0]
+        found: Array = space.now.C @ np.linalg.solve(space.J, wanted)
         return found
 
     q = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
@@ -260,15 +260,14 @@ def predict_singularity(
     while not ended and t < duration:
         try:
             extended.at(q, rest)
-            here, q_dot = jacobians.sign(), rate(t)
+            here, q_dot = jacobians.sign(), rate(t, q)
             fastest = float(np.abs(q_dot[posture]).max(initial=0.0))
             step = min(_STEP, 2.0 * step, _TURN / max(fastest, _TURN))
             sign = sign or here
             ended = here != sign or not step > _SMALLEST
             if ended or not rows or step < _STEP or t >= rows[-1][0] + _BETWEEN:
                 rows.append([t, *jacobians.sigmas().values()])
-            extended.at(q + 0.5 * step * q_dot, rest)
-            q, t = q + step * rate(t + 0.5 * step), t + step
+            q, t = q + step * rate(t + 0.5 * step, q + 0.5 * step * q_dot), t + step
         except (SingularityError, np.linalg.LinAlgError):
             rows.append([t, 0.0, 0.0])
             ended = True

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
+import pinocchio as pin
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, plain
@@ -18,6 +19,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import parameter
 
 Triple = tuple[float, float, float]
+Quadruple = tuple[float, float, float, float]
 
 
 class KernelPath(Displayed):
@@ -28,15 +30,20 @@ class KernelPath(Displayed):
         name = str(values.pop("name", ""))
         return Shown(f"{type(self).__name__}({name!r})", values)
 
+    width = 3
+    """Components of p_d: 3, 6 (with a unit axis) or 7 (with a quaternion), see
+    :class:`mobman.tasks.task.Task`."""
+
     def _kernel(self) -> tuple[Any, ...]:
-        """The kernel, and its arguments between t, shape (1,), and p_d, shape (4, 3)."""
+        """The kernel, and its arguments between t, shape (1,), and p_d, shape (4, width)."""
         raise NotImplementedError
 
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
-        """p_d and its first three derivatives at time t (s), each of shape (3,)."""
-        p_d, (kernel, *arguments) = np.empty((4, 3)), self._kernel()
+        """p_d and its first three derivatives at time t (s), see :class:`mobman.tasks.task.Task`."""
+        p_d, (kernel, *arguments) = np.zeros((4, self.width)), self._kernel()
         plain(kernel)(np.array([t]), *arguments, p_d)
-        return (p_d[0], p_d[1], p_d[2], p_d[3])
+        rates = p_d[1:, : min(self.width, 6)]
+        return (p_d[0], rates[0], rates[1], rates[2])
 
     def entry(self, t: Array, p_d: Array) -> Callable[[], None]:
         """See :func:`mobman.tasks.task.task_entry`."""
@@ -155,17 +162,24 @@ def _point_to_point(t: Vector, points: Matrix, times: Vector, repeats: int, p_d:
     while i < last - 1 and now >= times[i + 1]:
         i += 1
     T = times[i + 1] - times[i]
-    x = (now - times[i]) / T
-    share = x**4 * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
-    rate = 140.0 * (x * (1.0 - x)) ** 3 / T
-    second = 420.0 * (x * (1.0 - x)) ** 2 * (1.0 - 2.0 * x) / T**2
-    third = 840.0 * x * (1.0 - x) * (1.0 - 5.0 * x * (1.0 - x)) / T**3
+    share, rate, second, third = rest_to_rest((now - times[i]) / T, T)
     for j in range(3):
         way = points[i + 1, j] - points[i, j]
         p_d[0, j] = points[i, j] + share * way
         p_d[1, j] = rate * way
         p_d[2, j] = second * way
         p_d[3, j] = third * way
+
+
+@kernel
+def rest_to_rest(x: float, T: float) -> tuple[float, float, float, float]:
+    """The share of a way of T seconds that is done at x, from 0 to 1, of it, and its derivatives by
+    time."""
+    share = x**4 * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
+    rate = 140.0 * (x * (1.0 - x)) ** 3 / T
+    second = 420.0 * (x * (1.0 - x)) ** 2 * (1.0 - 2.0 * x) / T**2
+    third = 840.0 * x * (1.0 - x) * (1.0 - 5.0 * x * (1.0 - x)) / T**3
+    return (share, rate, second, third)
 
 
 Travel = Annotated[float, parameter("s", "time for each way", gt=0)]
@@ -190,7 +204,7 @@ def excursion(
     # of one acceleration: times as the square roots of the lengths
     shares = [math.sqrt(float(np.linalg.norm(b - a))) for a, b in pairwise(points)]
     there = travel * np.cumsum([0.0, *shares]) / sum(shares)
-    stops = list(zip(map(_triple, points), there.tolist(), strict=True))
+    stops = list(zip(map(triple, points), there.tolist(), strict=True))
     if returns:
         end = travel + pause
         # no pause, no stop of its own
@@ -294,10 +308,18 @@ def placed(
         points = np.cos(angles) @ local[0] + np.sin(angles) @ local[1]
         radius = float(np.linalg.norm(points, axis=1).max())
         centre = place.tip - (1.0 + SHARE_OF_RADIUS) * radius * ahead
-    rows = [tuple(map(_triple, part)) for part in local @ axes]
-    return Harmonics(_triple(centre), rate, rows[0], rows[1], name)
+    rows = [tuple(map(triple, part)) for part in local @ axes]
+    return Harmonics(triple(centre), rate, rows[0], rows[1], name)
 
 
-def _triple(vector: Array) -> Triple:
+def triple(vector: Array) -> Triple:
+    """Three numbers as they are kept in records."""
     x, y, z = (float(coordinate) for coordinate in vector)
     return (x, y, z)
+
+
+def quadruple(rotation: Array) -> Quadruple:
+    """The unit quaternion (w, x, y, z) of a rotation matrix, of the two that with w >= 0."""
+    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    sign = math.copysign(1.0, w)
+    return (sign * float(w), sign * float(x), sign * float(y), sign * float(z))

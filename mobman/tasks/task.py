@@ -21,6 +21,7 @@ from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import UsageError
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.orientation import UNIT
 from mobman.model.task_map import TaskMap, task_map_for
 from mobman.registry import Registry
 
@@ -29,9 +30,19 @@ from mobman.registry import Registry
 class Task(Protocol):
     """A desired trajectory of the tip; any object with this method is one.
 
+    The shapes say what the task is about:
+
+    - **position**, m = 3, or its x and y, m = 2: four vectors of m components;
+    - **pose**, m = 6: p_d has 7, the position and the unit quaternion (w, x, y, z) that takes the tip
+      frame's axes to the world's; the other three have 6, the linear velocity, acceleration and jerk,
+      and Omega_d, Omega_d', Omega_d'', the angular velocity in world axes and its derivatives;
+    - **pointing**, m = 5: p_d has 6, the position and the unit vector, in world axes, that an axis of
+      the tip frame has to take; the others are its derivatives.
+
     Optional attributes: ``period`` (s), where the path closes, for the metric of repeatability;
-    ``duration`` (s), how long it is defined; ``name``, for records; ``entry(t, p_d)``, which gives a
-    function without arguments that does the same as ``desired``, for speed (:func:`task_entry`).
+    ``duration`` (s), how long it is defined; ``name``, for records; ``tip_axis``, the axis of the tip
+    frame that points, (0, 0, 1) without it; ``entry(t, p_d)``, which gives a function without arguments
+    that does the same as ``desired``, for speed (:func:`task_entry`).
 
     >>> import mobman as mm
     >>> import numpy as np
@@ -45,7 +56,7 @@ class Task(Protocol):
     """
 
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
-        """p_d, p_d', p_d'', p_d''' at time t (m, m/s, ...), each of shape (m,), m = 3 or 2."""
+        """p_d, p_d', p_d'', p_d''' at time t (m, m/s, ...); shapes as above."""
         ...
 
 
@@ -258,7 +269,8 @@ def task_entry(task: Task, t: Array, p_d: Array) -> Callable[[], None]:
     Args:
         task: The task.
         t: The time (s), shape (1,); read when the function is called.
-        p_d: For the four vectors, shape (4, m).
+        p_d: For the four vectors, shape (4, m); of a pose (4, 7), whose last column has a meaning in the
+            first row only.
     """
     entry = getattr(task, "entry", None)
     if entry is not None:
@@ -267,7 +279,7 @@ def task_entry(task: Task, t: Array, p_d: Array) -> Callable[[], None]:
 
     def desire() -> None:
         for row, part in enumerate(task.desired(float(t[0]))):
-            p_d[row] = part
+            p_d[row, : len(part)] = part
 
     return desire
 
@@ -276,20 +288,36 @@ def task_map_of(task: Task) -> TaskMap:
     """The task map that fits a task's p_d.
 
     Raises:
-        UsageError: If ``desired`` does not give four vectors of 3 (or of 2) components.
+        UsageError: If ``desired`` does not give four vectors of shapes that :class:`Task` allows, or its
+            quaternion, its axis or ``tip_axis`` has another length than 1.
     """
     if not isinstance(task, Task):
         raise UsageError(
             f"{task!r} is not a task: expected a method desired(t) -> (p_d, p_d', p_d'', p_d''')"
         )
-    parts = task.desired(0.0)
+    parts, name = task.desired(0.0), type(task).__name__
     shapes = [np.shape(part) for part in parts] if isinstance(parts, (tuple, list)) else []
-    if len(shapes) != 4 or len(set(shapes)) != 1 or len(shapes[0]) != 1:
+    if len(shapes) != 4 or {len(shape) for shape in shapes} != {1} or len(set(shapes[1:])) != 1:
         raise UsageError(
-            f"desired(t) of {type(task).__name__} gave arrays of shapes {shapes}; needed: four "
-            "vectors p_d, p_d', p_d'', p_d''' of one length"
+            f"desired(t) of {name} gave arrays of shapes {shapes}; needed: four "
+            "vectors p_d, p_d', p_d'', p_d''' of one length, for a pose 7, 6, 6 and 6"
         )
-    return task_map_for(shapes[0][0])
+    axis = getattr(task, "tip_axis", None)
+    found = task_map_for(shapes[0][0], shapes[1][0], None if axis is None else _unit(axis, name))
+    if found.m > 3:
+        what = "quaternion" if found.m == 6 else "axis"
+        _unit(parts[0][3:], name, f"the desired {what} at t = 0 s")
+    return found
+
+
+def _unit(vector: Any, name: str, what: str = "tip_axis") -> Any:
+    numbers = np.asarray(vector, dtype=float)
+    if numbers.shape != (len(vector),) or not abs(numbers @ numbers - 1.0) <= UNIT:
+        raise UsageError(
+            f"task {name}: {what} is {numbers.tolist()}, of length {np.linalg.norm(numbers):.6g}; "
+            "needed: length 1"
+        )
+    return tuple(numbers.tolist())
 
 
 def task_parameters(task: Task) -> dict[str, Any]:

@@ -58,6 +58,9 @@ OWN_TASKS = [
     "square",
     "lissajous",
     "line",
+    "pose",
+    "pose-circle",
+    "pointing-circle",
     "kinematic-singularity",
     "algorithmic-singularity",
 ]

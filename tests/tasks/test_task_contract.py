@@ -56,8 +56,37 @@ def test_wrong_shapes_are_told(parts):
 
 
 def test_other_dimensions_are_refused():
-    with pytest.raises(UsageError, match="6 components; allowed: 3"):
-        task_map_of(Fixed(*np.zeros((4, 6))))
+    with pytest.raises(UsageError, match="4 components and its derivatives 4; allowed: 3"):
+        task_map_of(Fixed(*np.zeros((4, 4))))
+
+
+def test_shapes_tell_poses_and_directions():
+    none = np.zeros((3, 6))
+    assert task_map_of(Fixed([0, 0, 0, 0, 0, 0, 1], *none)).m == 6
+    pointing = Fixed([0, 0, 0, 0, 1, 0], *none)
+    assert task_map_of(pointing).axis == (0.0, 0.0, 1.0)
+    pointing.tip_axis = [0.0, -1.0, 0.0]
+    assert task_map_of(pointing).axis == (0.0, -1.0, 0.0)
+    assert task_map_of(pointing).m == 5
+
+
+@pytest.mark.parametrize(
+    "p_d", [[0, 0, 0, 0, 0, 0, 1.1], [0, 0, 0, 0, 2, 0], [0] * 7, [np.nan] * 7]
+)
+def test_other_lengths_than_1_are_refused(p_d):
+    with pytest.raises(
+        UsageError, match=r"task Fixed: the desired (quaternion|axis) at t = 0 s is"
+    ):
+        task_map_of(Fixed(p_d, *np.zeros((3, 6))))
+
+
+def test_tip_axis_of_another_length_is_refused():
+    task = Fixed([0, 0, 0, 0, 1, 0], *np.zeros((3, 6)))
+    task.tip_axis = (0.0, 0.0, 0.5)
+    with pytest.raises(
+        UsageError, match=r"task Fixed: tip_axis is .* of length 0\.5; needed: length 1"
+    ):
+        task_map_of(task)
 
 
 def test_object_without_desired_is_no_task():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import altair as alt
@@ -469,22 +469,36 @@ def cell_figures(
     records = {label: found for label, found in records.items() if found[1] is not None}
     if not records:
         return CellFigures(cell, [], [])
-    titles = {
-        "task_error": ("task error", _ERROR[7:]),
-        "auxiliary_error": ("auxiliary error", "|eᵃ|"),
+    shown_values: dict[str, tuple[str, str, Callable[[Any], Array]]] = {
+        "task error": (
+            _ERROR[7:],
+            "Euclidean norm of the task errors e^e. Dotted: 1e-4 m.",
+            lambda record: record.task_error[:, :3],
+        ),
+        "auxiliary error": (
+            "|eᵃ|",
+            "Euclidean norm of the auxiliary errors e^a: how far from (locally) optimal for the "
+            "criterion.",
+            lambda record: record.auxiliary_error,
+        ),
     }
-    captions = [
-        "Euclidean norm of the task errors e^e. Dotted: 1e-4 m.",
-        "Euclidean norm of the auxiliary errors e^a: how far from (locally) optimal for the criterion.",
-        "Euclidean norm of the torques v.",
-    ]
+    if any(record.tip_orientation is not None for _, record in records.values()):
+        shown_values["orientation error"] = (
+            "|eₒ|  (rad)",
+            "Euclidean norm of the orientation errors e_o. Dotted: 1e-4 rad.",
+            lambda record: record.task_error[:, 3:],
+        )
     if not motor_columns:
-        titles["torque"] = ("torque", "|v|  (N m or N)")
+        shown_values["torque"] = (
+            "|v|  (N m or N)",
+            "Euclidean norm of the torques v.",
+            lambda record: record.torque,
+        )
     figures = []
-    for (column, (what, axis)), caption in zip(titles.items(), captions, strict=False):
+    for what, (axis, caption, values) in shown_values.items():
         curves, good = [], []
         for label, (run, record) in records.items():
-            curve = _norm(label, record.t, getattr(record, column), columns, run)
+            curve = _norm(label, record.t, values(record), columns, run)
             curves.append(curve)
             good += [curve.values] if run.ok else []
         # a run that diverges must not take the scale away from those that do not
@@ -497,7 +511,7 @@ def cell_figures(
             duration=duration,
             limits=limits,
             steady=STEADY * duration,
-            mark=SUCCESS if column == "task_error" else None,
+            mark=SUCCESS if what in ("task error", "orientation error") else None,
             height=240.0 if motor_columns else 170.0,
         )
         figures.append(Figure(f"{name} {what}", [spec], caption))

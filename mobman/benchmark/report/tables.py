@@ -337,7 +337,11 @@ def metrics_table(results: Results, cell: int) -> Table:
         for run, done in zip(runs.itertuples(), runs.state == DONE, strict=True)
     ]
     rows: list[list[Entry]] = [[Entry("outcome"), Entry(""), *outcomes]]
-    known = {metric.name: metric for metric in sorted(list_metrics(), key=_section)}
+    known = {
+        metric.name: metric
+        for metric in sorted(list_metrics(), key=_section)
+        if metric.applies is None or (metric.name in values and values[metric.name].notna().any())
+    }
     other = [name for name in values if name not in known and values[name].notna().any()]
     section = ""
     for name in [*known, *other]:
