@@ -23,6 +23,7 @@ from mobman.checks.subject import Subject
 from mobman.errors import SingularityError
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.tasks.singular import least_singular_value
 
@@ -273,6 +274,8 @@ _TOLERANCE = 1e-5
 _STEP = 4e-3  # rad or m of the fastest coordinate
 _SHORT = 5e-4  # the same, for f_a, which bends sharply near singular postures
 _REGULAR = 1e-3  # singular value of [J_f; A] below which it does so too sharply for any step
+_REGULAR_TURNING = 2e-2  # the same with the rows of an orientation
+_MAPS = (TaskMap(), TaskMap((0, 1, 2, 3, 4, 5)), TaskMap(axis=(0.0, 0.0, 1.0)))
 
 
 @check("derivatives", "Jacobians and rates agree with finite differences at random states")
@@ -280,7 +283,8 @@ def derivatives(subject: Subject) -> Iterator[Remark]:
     robot = subject.robot
     worst: dict[str, float] = {}
     for q, z in subject.states(_COMPARED):
-        for name, error in (*_tip_and_maps(subject, q, z), *_extended(subject, q, z)):
+        of_maps = (one for task_map in _MAPS for one in _extended(robot, task_map, q, z))
+        for name, error in (*_tip_and_maps(subject, q, z), *of_maps):
             worst[name] = float(np.maximum(worst.get(name, 0.0), error))  # a NaN stays
     bad = [f"{name} by {error:.2g}" for name, error in worst.items() if not error <= _TOLERANCE]
     if bad:
@@ -309,13 +313,17 @@ def _tip_and_maps(subject: Subject, q: Array, z: Array) -> Iterator[tuple[str, f
     yield "A'", relative(robot.constraint_matrix_rate(q, q_dot), along(robot.constraint_matrix))
 
 
-def _extended(subject: Subject, q: Array, z: Array) -> Iterator[tuple[str, float]]:
-    """J z against p' and J' z against the rate of J z at constant z, in axes carried from q."""
-    robot, task_map = subject.robot, TaskMap()
-    if robot.nz < task_map.m:
-        return
-    j = np.vstack([robot.tip_jacobian(q)[: task_map.m], robot.constraint_matrix(q)])
-    if np.linalg.svd(j, compute_uv=False)[-1] < _REGULAR:
+def _extended(
+    robot: MobileManipulator, task_map: TaskMap, q: Array, z: Array
+) -> Iterator[tuple[str, float]]:
+    """J z against p' and J' z against the rate of J z at constant z, in axes carried from q.
+
+    An orientation has no coordinates, but rates.
+    """
+    m, tip = task_map.m, robot.tip_kinematics(q, z)
+    j = np.vstack([task_map.jacobian(tip), robot.constraint_matrix(q)])
+    least = float(np.linalg.svd(j, compute_uv=False)[-1])
+    if robot.nz < m or least < (_REGULAR if m == 3 else _REGULAR_TURNING):
         return
     extended = ExtendedJacobian(robot, task_map, Posture.of(robot))
     extended.at(q, z)
@@ -333,5 +341,6 @@ def _extended(subject: Subject, q: Array, z: Array) -> Iterator[tuple[str, float
         p_ddot = derivative(lambda s: at(s).J @ z, step)
     except SingularityError:
         return
-    yield "J", relative(J @ z, p_dot)
+    coordinates = [i for i in range(robot.nz) if not 3 <= i < m]
+    yield "J", relative((J @ z)[coordinates], p_dot[coordinates])
     yield "J' z", relative(J_dot_z, p_ddot)

@@ -61,6 +61,11 @@ class SampledRun(NamedTuple):
     """Rate of the configuration, shape (N, nq)."""
     effort: Array | None = None
     """B' v: the generalised force on each coordinate (N m, N), shape (N, nq)."""
+    turn: Array | None = None
+    """Desired orientation: unit quaternion (x, y, z, w), shape (N, 4), or direction, shape (N, 3); None
+    for tasks without one."""
+    angle: Array | None = None
+    """Angle between the tip and that (rad), shape (N,)."""
     path: Array | None = None
     """p_d of all of the run (m), shape (M, 3), if it has only begun."""
 
@@ -71,7 +76,7 @@ class SampledRun(NamedTuple):
 
     def described(self) -> dict[str, Any]:
         """The motion for the page."""
-        single = ("error", "platform", "effort")
+        single = ("error", "platform", "effort", "turn", "angle")
         return {
             name: None if array is None else packed(array, "f4" if name in single else "f8")
             for name, array in self._asdict().items()
@@ -97,6 +102,7 @@ class States:
     seed: int
     status: str = "ok"
     message: str = ""
+    tip_desired_orientation: Array | None = None
 
 
 def motion(
@@ -117,14 +123,19 @@ def motion(
     for i, name in enumerate(BASE_JOINTS[:2]):
         if name in record.joint_names:
             platform[:, i] = q[:, record.joint_names.index(name)]
-    error = np.linalg.norm(record.task_error[kept], axis=1)
+    error = np.linalg.norm(record.task_error[kept, :3], axis=1)
+    turn, angle = record.tip_desired_orientation, None
+    if turn is not None:
+        turn = turn[kept] if turn.shape[1] == 3 else np.roll(turn[kept], -1, axis=1)
+        half = 0.5 * np.linalg.norm(record.task_error[kept, 3:], axis=1)
+        angle = 2.0 * np.arcsin(np.minimum(half, 1.0))
     if robot is None:
-        return SampledRun(t, tip, desired, error, platform)
+        return SampledRun(t, tip, desired, error, platform, turn=turn, angle=angle)
     if m < 3:  # a planar task says nothing of the height
         tip[:, 2] = desired[:, 2] = [robot.tip_pose(row).translation[2] for row in q]
     q_dot = np.array([robot.velocity_map(a) @ b for a, b in zip(q, z, strict=True)])
     effort = np.array([robot.actuation(a) @ b for a, b in zip(q, torque, strict=True)])
-    return SampledRun(t, tip, desired, error, platform, q, q_dot, effort)
+    return SampledRun(t, tip, desired, error, platform, q, q_dot, effort, turn, angle)
 
 
 def frames(t: Array, most: int = MOST_FRAMES) -> Index:

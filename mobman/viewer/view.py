@@ -350,7 +350,11 @@ class LiveRun:
     def _states(self, samples: list[tuple[float, Array, Array, Array]]) -> States:
         t, q, z, torque = (np.array(part) for part in zip(*samples, strict=True))
         desired = np.array([self._task.desired(float(instant))[0] for instant in t])
-        m, robot = desired.shape[1], self._robot
+        robot, m = (
+            self._robot,
+            min(desired.shape[1], 3),
+        )  # an orientation is shown when the run is over
+        desired = desired[:, :m]
         tip = np.array([robot.tip_pose(row).translation[:m] for row in q])
         error, names = tip - desired, robot.joint_names
         return States(t, q, z, torque, tip, desired, error, names, **self._about)

@@ -197,6 +197,7 @@ class App {
       const failed = info.status !== "ok";
       const over = time > motion.end + 1e-9 || (failed && time >= motion.end - 1e-9);
       error.textContent = metres(motion.error[place.frame]);
+      if (motion.angle) error.textContent += `, ${motion.angle[place.frame].toExponential(1)} rad`;
       status.textContent = this.several ? "" : `t = ${time.toFixed(2)} s`;
       if (over) status.textContent = failed ? `${info.status} ${info.message}` : "ended";
       status.className = over && failed ? "bad" : "";

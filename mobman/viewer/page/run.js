@@ -1,5 +1,5 @@
 // A run: its robot, its samples, its lines and its torques. A robot alone is a run without motion.
-const TRACKS = ["t", "q", "q_dot", "tip", "desired", "error", "platform", "effort"];
+const TRACKS = ["t", "q", "q_dot", "tip", "desired", "error", "platform", "effort", "turn", "angle"];
 
 // A run's samples, and the states between them.
 class Motion {
@@ -50,6 +50,14 @@ class Motion {
       r * r * (1 + 2 * s) * this.q[a + i] + s * s * (3 - 2 * s) * this.q[b + i] +
       h * s * r * (r * this.q_dot[a + i] - s * this.q_dot[b + i])
     );
+  }
+
+  // The desired frame, or a frame whose z axis has the desired direction.
+  turned({ frame }) {
+    const { columns } = this.turn;
+    const part = Array.from(this.turn.subarray(columns * frame, columns * (frame + 1)));
+    if (columns === 4) return new THREE.Quaternion(...part);
+    return new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3(...part));
   }
 
   point(track, { frame, next, share }) {
@@ -141,6 +149,12 @@ class Effort {
 const SNAPSHOTS = 6; // of the robot along its way
 const plain = (colour) => new THREE.MeshPhongMaterial({ color: colourOf(colour) });
 
+// A desired frame, or an arrow for a direction alone.
+function desiredAxes(columns, length) {
+  if (columns === 4) return new THREE.AxesHelper(length);
+  return new THREE.ArrowHelper(new THREE.Vector3(0, 0, 1), new THREE.Vector3(), length, "#111827");
+}
+
 class Run {
   // width: of the lines (m); compared: whether there are others
   constructor(description, scene, width, compared) {
@@ -212,6 +226,10 @@ class Run {
     this.lines.visible = this.shown.trails;
     this.trail.material = this.byError ? this.materials.error : this.materials.run;
     this.target.position.copy(motion.point(motion.desired, place));
+    if (motion.turn) {
+      if (!this.axes) this.target.add((this.axes = desiredAxes(motion.turn.columns, 24 * this.width)));
+      this.axes.quaternion.copy(motion.turned(place));
+    }
     this.actual.position.copy(motion.point(motion.tip, place));
     for (const effort of this.efforts) {
       const q = effort.joint.q;
