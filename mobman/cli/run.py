@@ -33,6 +33,7 @@ from mobman.cli.progress import progress_bar
 from mobman.errors import FOREIGN_ERRORS, MobmanError, RecordError
 
 if TYPE_CHECKING:
+    from mobman.model.mobile_manipulator import MobileManipulator
     from mobman.simulation.record import Record
     from mobman.simulation.rerun import Own, Verification
     from mobman.viewer.view import LiveRun, View
@@ -187,7 +188,7 @@ def run(
         with progress_bar(title) as progress:
             record = simulate(model, law, aim, progress=progress, **settings)
         saved = None if output is None else record.save(output)
-        tell(record, saved, as_json=as_json, everything=everything)
+        tell(record, model, saved, as_json=as_json, everything=everything)
         if watched is not None:
             # the page gets the whole run and stays until Ctrl-C: the way to end it, not a failure
             try:
@@ -219,9 +220,16 @@ def _open(watched: LiveRun, shown: View, no_browser: bool) -> None:
 
 
 def tell(
-    record: Record, path: Path | None, *, as_json: bool = False, everything: bool = False
+    record: Record,
+    robot: MobileManipulator,
+    path: Path | None,
+    *,
+    as_json: bool = False,
+    everything: bool = False,
 ) -> None:
-    """Print a run: a line a section of metrics; every metric; or all that is known of it as JSON."""
+    """Print a run: a line a section of metrics, or every metric, and where it broke limits; or all that
+    is known of it as JSON."""
+    from mobman.simulation.limits import limit_remarks, unlimited_motors
     from mobman.simulation.metrics import list_metrics
 
     if as_json:
@@ -256,6 +264,13 @@ def tell(
             if parts:
                 listing.add_row(f"  {section}", "; ".join(parts))
     out.print(listing)
+    if free := unlimited_motors(record):
+        out.print(f"no torque limit is known of {', '.join(free)}", soft_wrap=True)
+    for remark in limit_remarks(record, robot):
+        out.print(f"beyond its limits: {remark}", soft_wrap=True)
+    if record.ok and record.metrics["success"] == 0.0:
+        error = number(record.metrics["task_error_final"])
+        out.print(f"no success: it went to its end, but |e^e| is {error} m there", soft_wrap=True)
     if path is not None:
         out.print(f"record: {path}", soft_wrap=True)
         out.print(f"next: mobman view {shlex.quote(str(path))}", soft_wrap=True)
@@ -335,6 +350,7 @@ def rerun(
     Exit status 1 if a run cannot be repeated, if it diverged or met a singularity, or, with --verify, if
     the repetition differs from the file.
     """
+    from mobman.simulation.parts import robot_of
     from mobman.simulation.rerun import repeat, verify
 
     if output is not None and len(files) > 1:
@@ -354,7 +370,8 @@ def rerun(
                 record = found.record if verifies else repeat(file, own=own, progress=progress)
             saved = None if output is None else record.save(output)
             if not verifies:
-                tell(record, saved, as_json=as_json)
+                robot_run = own.robot or robot_of(record.spec["robot"], record.urdf)
+                tell(record, robot_run, saved, as_json=as_json)
                 failed |= not _went_well(record)
                 continue
             failed |= not found.equal

@@ -22,7 +22,9 @@ class Controller(Protocol):
     dict`` with arrays of the last tick, recorded under their names (``"sliding/s"``, ...);
     ``signals_in_place``, true if those arrays stay the same from :meth:`reset` on and are overwritten;
     ``criterion``, what e^a is measured by, the robot's posture criterion if there is none; ``uses``, the
-    keys of :data:`INFORMATION` that the law takes, for reports, which say nothing if there is none.
+    keys of :data:`INFORMATION` that the law takes, for reports, which say nothing if there is none;
+    ``limit_motors(acting)``, called before :meth:`reset` with the limits that act behind the law (see
+    :class:`mobman.controllers.limits.LimitedMotors`).
 
     >>> import mobman as mm
     >>> import numpy as np

@@ -33,6 +33,18 @@ from mobman.controllers.gains import (
     require_positive,
     require_positive_diagonal,
 )
+from mobman.controllers.limits import (
+    Cap,
+    Hedge,
+    LimitedMotors,
+    TorqueLimits,
+    cap,
+    caps_of,
+    hedge,
+    plain_limits,
+    require_caps,
+    require_torque_limits,
+)
 from mobman.controllers.protocol import DisplayedLaw, controllers
 from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
@@ -85,6 +97,18 @@ class CascadeGains:
         0.0, "that of s, of S", "width in which s/|s| becomes s/width; 0: none"
     )
     metric_scale: float = gain(1.0, "1", "factor of the nominal M in the implicit form's metric")
+    saturation: Literal["none", "hedge"] = gain(
+        "none", "", "what is done where a motor's limit is reached: none, hedge"
+    )
+    torque_limits: TorqueLimits = gain(
+        None, "N m, N", "limits that the hedge keeps to, by default those that act"
+    )
+    v_max: Cap = gain(
+        None, "m/s, rad/s", "cap on the speed of approach; one number, or one for each unit"
+    )
+    a_max: Cap = gain(
+        None, "m/s^2, rad/s^2", "cap on its acceleration; one number, or one for each unit"
+    )
 
     def __post_init__(self) -> None:
         require_positive_diagonal(self, "lambda_0", "lambda_1", "lambda_2", "Lambda_0", "Lambda_1")
@@ -96,6 +120,9 @@ class CascadeGains:
         require_bound(self, "a", "0 < a <= lambda_min(J J^T) (22)")
         require_bound(self, "A", "0 < A <= lambda_min(B B^T) (54)")
         require_choice(self, "discretization", ("implicit", "explicit"))
+        require_choice(self, "saturation", ("none", "hedge"))
+        require_torque_limits(self.torque_limits)
+        require_caps(self, "v_max", "a_max")
         if self.K_F is not None:
             require_positive_diagonal(self, "K_F")
 
@@ -139,6 +166,8 @@ class SlidingStage(NamedTuple):
     """The unit vector; for b, metric, gram and work see :func:`implicit_unit_vector`."""
     gains: Matrix
     """Diagonals: lambda_0, lambda_1 and lambda_2, or Lambda_0 and Lambda_1."""
+    caps: Matrix
+    """v_max and a_max in (31): of positions and of orientations, inf for none; shape (2, 2)."""
     metric: Matrix
     gram: Matrix
     work: Matrix
@@ -153,7 +182,8 @@ class SlidingStage(NamedTuple):
         s, g, integral, drift, b, n = np.zeros((6, p))
         diagonals = np.array([diagonal(name, getattr(gains, name), p) for name in names])
         square, work = np.zeros((p, p)), np.zeros((p + 2, p))
-        return cls(s, g, integral, drift, b, n, diagonals, np.eye(p), square, work)
+        caps = np.array([caps_of(gains.v_max), caps_of(gains.a_max)])
+        return cls(s, g, integral, drift, b, n, diagonals, caps, np.eye(p), square, work)
 
 
 class Held(NamedTuple):
@@ -182,15 +212,20 @@ def kinematic_gain(
     """Fill s, g and the drift: c/a (W + c_0) of (34), or of (44) where f and J are the tip's."""
     k, s, g, v_ref = gains[0], stage.s, stage.g, held.v_ref
     lambda_0, lambda_1, lambda_2 = stage.gains[0], stage.gains[1], stage.gains[2]
+    # the bracket of (31), with caps on both of its parts that are not there near the target
+    bracket, m = stage.b, p_d.shape[1]
+    for i in range(s.shape[0]):
+        bracket[i] = lambda_0[i] ** k.p_0 * (f[i] - desired(p_d, 0, i))
+    cap(bracket, m, stage.caps[0], k.p_0, lambda_1, 0.0)
+    for i in range(s.shape[0]):
+        bracket[i] += power(dot(J[i], z) - desired(p_d, 1, i), k.p_0)
+    cap(bracket, m, stage.caps[1], k.p_2 / k.p_1, lambda_1, k.p_2 / k.p_1)
     for i in range(s.shape[0]):
         # errors of (26), the second derivative along the reference
-        e = f[i] - desired(p_d, 0, i)
-        e_dot = dot(J[i], z) - desired(p_d, 1, i)
         e_ddot = dot(J[i], v_ref) + J_dot_z[i] - desired(p_d, 2, i)
         # s and the integrand g in it (31)
-        bracket = power(e_dot, k.p_0) + lambda_0[i] ** k.p_0 * e
         g[i] = lambda_2[i] * power(e_ddot, k.p_2)
-        g[i] += lambda_2[i] * lambda_1[i] ** k.p_2 * power(bracket, k.p_1)
+        g[i] += lambda_2[i] * lambda_1[i] ** k.p_2 * power(bracket[i], k.p_1)
         s[i] = e_ddot + stage.integral[i]
         stage.drift[i] = g[i] - desired(p_d, 3, i)
     # W under (34), with the bound of (21)
@@ -324,7 +359,7 @@ def in_force(gains: CascadeGains, dt: float, a: float, A: float, inverse: bool) 
 # The controllers --------------------------------------------------------------------------------------
 
 
-class TerminalSlidingMode(DisplayedLaw):
+class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
     """Kinematic stage on the extended Jacobian's transpose, v_ref' = J^T u_ref (34)-(35); dynamic
     stage on the actuation matrix's transpose, v' = B^T u (55)-(56)."""
 
@@ -353,6 +388,10 @@ class TerminalSlidingMode(DisplayedLaw):
         a, A = self._bounds(robot, task)
         K_F = self.criterion.weights.tolist()
         self._settings = as_settings(self.gains) | {"a": a, "A": A, "K_F": K_F}
+        limits = np.full(robot.nz, np.inf)
+        if self.gains.saturation == "hedge":
+            limits = self.torque_limits(robot, self.gains.torque_limits)
+            self._settings["torque_limits"] = plain_limits(limits)
         now, nz = space.now, robot.nz
         self._now, self._z_dot = now, np.zeros(nz)
         self._kinematic = SlidingStage.of(self.gains, space.p, "lambda_0", "lambda_1", "lambda_2")
@@ -360,12 +399,18 @@ class TerminalSlidingMode(DisplayedLaw):
         self._held = Held(*np.zeros((5, nz)))
         kinematic, dynamic, held = self._kinematic, self._dynamic, self._held
         k = in_force(self.gains, dt, a, A, self.inverse_actuation)
+        motion = (now.z, self._z_dot, now.M, now.B)
         state = (space.f, space.J, space.J_dot_z, space.p_d, now.q, robot.q_rest, now.z)
         self._law = sequence(
             now.inertia,
             *self._reference(robot, (k, kinematic, held, *state)),
-            bind(dynamic_stage, k, dynamic, held, now.z, self._z_dot, now.M, now.B),
+            bind(dynamic_stage, k, dynamic, held, *motion),
             bind(integrate, k, kinematic, dynamic, held),
+            *(
+                [bind(hedge, dt, limits, kinematic, held, space.J, *motion, Hedge.of(robot.nz))]
+                if np.isfinite(limits).any()
+                else []
+            ),
         )
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:

@@ -69,6 +69,8 @@ class Limits(NamedTuple):
     """Of each entry of |z| alone (m/s, rad/s), shape (nz,)."""
     torque: Array
     """Of each entry of |v| alone (N, N m), shape (nz,)."""
+    joint_velocity: Array
+    """Of |q'| (m/s, rad/s), shape (nq,); inf for the platform's pose."""
 
 
 @dataclass(frozen=True)
@@ -225,11 +227,14 @@ class MobileManipulator(Displayed):
         joints = [i for i, name in enumerate(self.joint_names) if name not in base]
         lower, upper = model.lowerPositionLimit, model.upperPositionLimit
         C, B = self.velocity_map(self.q_rest), self.actuation(self.q_rest)  # where the steering is
+        joint_velocity = np.full(self.nq, np.inf)
+        joint_velocity[joints] = _stated(model.velocityLimit[joints])
         return Limits(
             lower=np.where(lower < -_NO_BOUND, -np.inf, lower),
             upper=np.where(upper > _NO_BOUND, np.inf, upper),
             velocity=_least(model.velocityLimit[joints], np.abs(C)[joints]),
             torque=_least(model.effortLimit[joints], np.abs(B)[joints]),
+            joint_velocity=joint_velocity,
         )
 
     @property
@@ -394,9 +399,14 @@ class MobileManipulator(Displayed):
         return own
 
 
+def _stated(bounds: Array) -> Array:
+    """Bounds, with inf for those that are none by convention."""
+    return np.where((bounds <= 0.0) | (bounds > _NO_BOUND), np.inf, bounds)
+
+
 def _least(bounds: Array, per_entry: Array) -> Array:
     """The least bound over the factor, for each column of factors; bounds that are none are left out."""
-    bounds = np.where((bounds <= 0.0) | (bounds > _NO_BOUND), np.inf, bounds)
+    bounds = _stated(bounds)
     with np.errstate(divide="ignore"):
         ratios = np.where(per_entry > 0.0, bounds[:, None] / per_entry, np.inf)
     least: Array = ratios.min(axis=0, initial=np.inf)

@@ -12,7 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from mobman.arrays import Array
 from mobman.simulation.pieces import PACKAGE, Each, Piece, Setting, Types, entries, some_given
 
-_ROUNDING = 1e-6  # ticks: a delay as near to a whole number of them is that number
+_ROUNDING = 1e-6  # ticks, share of a limit: what is as near to a whole number, or to it, is there
 
 
 class Stage:
@@ -20,11 +20,13 @@ class Stage:
 
     Attributes:
         delay: By how much what comes out is late, in addition (s).
-        limited: Whether a limit changed the last torque.
+        limited: Whether the last torque met a limit: was cut, or was as large as is allowed.
     """
 
     delay: float = 0.0
     limited: bool = False
+    level: Array | None = None
+    """Largest |torque| of each motor that comes out (N m, N), shape (nz,), if there is one."""
 
     def apply(self, torque: Array) -> Array:
         """The torque that comes out at a tick; called once at every tick, v = 0 before the first.
@@ -55,7 +57,8 @@ class ActuationChain:
             delay is a whole number of ticks.
         early: The torque that acts from the tick on, shape (nz,).
         late: That from ``split`` on, shape (nz,).
-        limited: Whether a limit changed the torque that is commanded at this tick.
+        limited: Whether the torque that is commanded at this tick met a limit.
+        level: Largest |torque| that comes out (N m, N), shape (nz,); None if nothing limits it.
     """
 
     def __init__(self, stages: list[Stage], dt: float, nz: int) -> None:
@@ -68,6 +71,8 @@ class ActuationChain:
         self._under_way: deque[Array] = deque()
         self.early, self.late = np.zeros(nz), np.zeros(nz)
         self.limited = False
+        levels = [stage.level for stage in stages if stage.level is not None]
+        self.level: Array | None = np.min(levels, axis=0) if levels else None
 
     def take(self, torque: Array) -> None:
         """Command a torque, shape (nz,), at the next tick."""
@@ -174,11 +179,12 @@ class RateLimit(TorqueLevel):
 
 class _Clip(Stage):
     def __init__(self, level: Array) -> None:
-        self._level = level
+        self.level: Array = level
 
     def apply(self, torque: Array) -> Array:
-        clipped: Array = np.clip(torque, -self._level, self._level)
-        self.limited = bool((clipped != torque).any())
+        # also where the law keeps to the limit by itself, but for rounding
+        self.limited = bool((np.abs(torque) >= (1.0 - _ROUNDING) * self.level).any())
+        clipped: Array = np.clip(torque, -self.level, self.level)
         return clipped
 
 

@@ -192,11 +192,12 @@ class TickIntegrator:
         self, t: float, length: float, evaluated: bool = True
     ) -> tuple[float, str] | None:
         """Integrate a part of a tick that starts at t; the dynamics are evaluated, or not yet."""
-        state, steps = self._state, _steps_of(length)
-        state.h[0] = length / steps
+        state = self._state
         try:
             if not evaluated:
                 state.evaluate(t)
+            steps = _steps_of(length, self._plant.longest_step(_LARGEST_STEP))
+            state.h[0] = length / steps
             state.step(t)
             for step in range(1, steps):
                 later = t + step * length / steps
@@ -212,9 +213,9 @@ class TickIntegrator:
         return None
 
 
-def _steps_of(length: float) -> int:
+def _steps_of(length: float, largest: float = _LARGEST_STEP) -> int:
     """Number of integration steps in so many seconds."""
-    return max(1, math.ceil(length / _LARGEST_STEP - 1e-9))
+    return max(1, math.ceil(length / largest - 1e-9))
 
 
 @kernel

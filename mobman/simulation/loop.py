@@ -61,6 +61,7 @@ class Samples:
         compute_time: Time that the controller took (s), shape (rows,).
         applied: Torque that acts, shape (rows, nz); None where it is the commanded one.
         limited: Whether a limit changed the commanded torque, shape (rows,); None with ``applied``.
+        velocity_ratio: Largest |q'| of a joint over its limit, shape (rows,); 0 without limits.
         signals: Signals of the controller by name, ``rows`` rows each; NaN where it gives none.
         count: How many rows are filled.
         work: Integral of z^T (B v - D) over the run (J).
@@ -83,6 +84,7 @@ class Samples:
         self.compute_time = np.empty(rows)
         self.applied: Array | None = None
         self.limited: NDArray[np.bool_] | None = None
+        self.velocity_ratio = np.zeros(rows)
         self.signals: dict[str, Array] = {}
         self.count = 0
         self.work = 0.0
@@ -224,6 +226,8 @@ class Loop:
         self._look()
         samples.torque[0], samples.compute_time[0] = plant.v, 0.0
         samples.count = 1
+        if (limit_motors := getattr(self.controller, "limit_motors", None)) is not None:
+            limit_motors(None if self._actuation is None else self._actuation.level)
         # a law that writes to its robot changes neither the plant nor later runs
         self.controller.reset(self.robot.copy(), self.task, self.dt)
         extended = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
@@ -325,6 +329,11 @@ class Loop:
                 *(now.A, plant.q_dot, self._residual),
             ),
             *orientation,
+            bind(
+                _keep_velocity_ratio,
+                *(self._tick, now.q_dot, 1.0 / self.robot.limits.joint_velocity),
+                samples.velocity_ratio,
+            ),
             plant.dynamics,
             bind(accelerate, plant.forces, self._z_dot, np.zeros(1)),
         )
@@ -409,6 +418,13 @@ def _look_at_turn(
     for i in range(error_rows.shape[1]):
         error_rows[row, i] = turn.e[i]
     return Divergence.NOT_UNIT.value if status == NOT_UNIT else 0
+
+
+@kernel
+def _keep_velocity_ratio(tick: Index, q_dot: Vector, per_limit: Vector, rows: Vector) -> None:
+    """Write the tick's largest |q'| over its limit; whether the wheels slip or not, they turn so."""
+    for i in range(q_dot.shape[0]):
+        rows[tick[0]] = max(rows[tick[0]], abs(q_dot[i]) * per_limit[i])
 
 
 @kernel

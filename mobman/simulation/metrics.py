@@ -58,7 +58,9 @@ class Run:
     task_map: TaskMap
     criterion: Criterion
     limited: NDArray[np.bool_] | None = None
-    """At which ticks the actuation cut the commanded torque, shape (N,); None if it never does."""
+    """At which ticks the commanded torque met a limit of the actuation, shape (N,); None without one."""
+    velocity_ratio: Array | None = None
+    """Largest |q'| of a joint over its limit at the ticks, shape (N,); None if it was not kept."""
 
     @property
     def steady(self) -> Array:
@@ -95,7 +97,7 @@ class Metric:
     function: Function
     section: str = ""
     """Heading under which reports show it: ``"tracking"``, ``"redundancy"``, ``"effort"``,
-    ``"consistency"``, ``"timing"``; others come last."""
+    ``"limits"``, ``"consistency"``, ``"timing"``; others come last."""
     short: str = ""
     """Its name in the few lines that ``mobman run`` prints; empty if it is not among them."""
     applies: Callable[[Run], bool] | None = None
@@ -353,9 +355,9 @@ def torque_step(run: Run) -> float:
 @metric(
     "saturation_share",
     "1",
-    "share of the ticks at which a limit cut a commanded torque",
+    "share of the ticks at which a commanded torque met a limit",
     section="limits",
-    short="share of ticks with cut torques",
+    short="share of ticks at a torque limit",
 )
 def saturation_share(run: Run) -> float:
     return 0.0 if run.limited is None else float(np.mean(run.limited))
@@ -364,7 +366,7 @@ def saturation_share(run: Run) -> float:
 @metric(
     "saturation_start",
     "s",
-    "first time at which a limit cut a commanded torque; the duration asked for if none did",
+    "first time at which a commanded torque met a limit; the duration asked for if none did",
     "higher",
     section="limits",
 )

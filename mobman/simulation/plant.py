@@ -19,6 +19,7 @@ from mobman.simulation.disturbances import Torque
 from mobman.simulation.friction import Resistance
 from mobman.simulation.sensors import pose_index
 from mobman.simulation.slip import Slip
+from mobman.simulation.stops import Contact
 
 _LARGEST_DECAY = 2.5
 """Longest Runge-Kutta step, in time constants of the friction; it is stable to 2.78."""
@@ -50,6 +51,7 @@ class Plant:
         disturbance: Torque added to the motors', D = -B d; none by default.
         friction: On the motors' axes; they add up.
         slip: Of the platform, if it has a pose; they add up.
+        stops: At limits of the joints; they add up.
 
     Attributes:
         now: The robot's matrices at the state.
@@ -67,6 +69,7 @@ class Plant:
         disturbance: Torque | None = None,
         friction: Sequence[Resistance] = (),
         slip: Sequence[Slip] = (),
+        stops: Sequence[Contact] = (),
     ) -> None:
         self.robot = robot
         self.now = now = Buffers(robot)
@@ -75,8 +78,9 @@ class Plant:
         self._disturbance = disturbance
         self._external = d = np.zeros(robot.nz)
         self._friction, self._slip = friction, slip if robot.platform.base_joints else ()
-        if friction:
-            d = np.zeros(robot.nz)  # that of now: the external one less friction
+        self._stops = stops
+        if friction or stops:
+            d = np.zeros(robot.nz)  # that of now: the external one less friction, and the stops'
         self.slips = bool(self._slip)
         self.q_dot = np.zeros(robot.nq) if self.slips else now.q_dot
         lower = np.zeros((robot.nz, robot.nz))
@@ -96,6 +100,12 @@ class Plant:
         slope = np.diag(sum(part.slope for part in self._friction))
         rates = np.linalg.eigvals(np.linalg.solve(m, b @ slope @ b.T))
         return float(np.abs(rates).max())
+
+    def longest_step(self, h: float) -> float:
+        """The longest integration step from the state on (s): h, or less where a joint is at a stop."""
+        now = self.now
+        near = [part.step for part in self._stops if part.near(now.q, now.q_dot, h)]
+        return min(h, *near) if near else h
 
     def require_followed(self, q: Array, h: float) -> None:
         """
@@ -124,7 +134,7 @@ class Plant:
             *(now.joint_inertia, now.nonlinear, robot.platform_index, robot.arm_index),
             *(now.N, now.platform_B, now.C_dot_z, now.M, now.B, now.bias, forces.lower),
         )
-        if not self._friction:
+        if not self._friction and not self._stops:
             return dynamics
         # the axes' rates B^T z: by them the motors' torques v have the power z^T B v
         rate = np.zeros(robot.nz)
@@ -133,6 +143,7 @@ class Plant:
             bind(apply_transpose, now.B, now.z, rate),
             partial(np.copyto, forces.d, self._external),
             *(part.entry(rate, forces.d) for part in self._friction),
+            *(part.entry(now, forces.d) for part in self._stops),
         )
 
     @cached_property

@@ -9,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from mobman.arrays import Array
@@ -22,8 +23,9 @@ from mobman.simulation.friction import frictions
 from mobman.simulation.inertias import inertias, true_robot
 from mobman.simulation.pieces import Piece, Setting, Source, started
 from mobman.simulation.plant import Plant
-from mobman.simulation.sensors import Measurement, sensors
+from mobman.simulation.sensors import Measurement, pose_index, sensors
 from mobman.simulation.slip import slips
+from mobman.simulation.stops import stops
 from mobman.toml_model import Strict, describe, named_file, read_toml, validate
 
 
@@ -61,6 +63,12 @@ class SlipSource(Source):
     """A slip of the platform."""
 
     group, what, kinds = "slip", "slip", slips
+
+
+class StopSource(Source):
+    """Stops at limits of the joints."""
+
+    group, what, kinds = "stops", "stop", stops
 
 
 class AccelerationSource(Source):
@@ -130,6 +138,11 @@ class Scenario(Displayed, Strict):
     """Estimator of z': ``"exact"``, ``"backward-difference"``, or a table with a type."""
     slip: list[SlipSource] = Field([], max_length=MOST_PIECES)
     """Velocities of the platform's pose in addition to that of rolling; they add up."""
+    stops: list[StopSource] = Field([], max_length=MOST_PIECES)
+    """Forces that keep joints from leaving their limits; they add up."""
+    start_offset: Number = Field(0.0, ge=0)
+    """How far behind the start that the task is made for the platform stands (m), along its heading; a
+    start that is given as ``q0`` counts as it is, and a robot that does not drive stays."""
 
     def __init__(self, **fields: Any) -> None:
         try:
@@ -175,6 +188,7 @@ class Scenario(Displayed, Strict):
             self.actuation,
             self.sensors,
             self.slip,
+            self.stops,
         )
         return [piece.kinds.get(piece.type) for piece in (*chain(*lists), self._estimator)]
 
@@ -194,6 +208,16 @@ class Scenario(Displayed, Strict):
                 change(model)
             scaled = setting.robot.with_model(model)
         return true_robot(scaled, payload=self.payload)
+
+    def start_of(self, robot: MobileManipulator) -> Array:
+        """The start of a run that is given none (m, rad), shape (nq,)."""
+        start = robot.q_rest.copy()
+        if robot.platform.base_joints:
+            x, y, theta = pose_index(robot)
+            forward = start[theta] + getattr(robot.platform, "heading", 0.0)
+            start[x] -= self.start_offset * np.cos(forward)
+            start[y] -= self.start_offset * np.sin(forward)
+        return start
 
     def disturbance(self, setting: Setting) -> Torque | None:
         """The sum of the disturbances; None if there are none."""
@@ -221,6 +245,7 @@ class Scenario(Displayed, Strict):
             self.disturbance(setting),
             self._started(self.friction, setting),
             self._started(self.slip, setting),
+            self._started(self.stops, setting),
         )
 
     def actuation_chain(self, setting: Setting) -> ActuationChain | None:

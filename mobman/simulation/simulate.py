@@ -68,7 +68,7 @@ def simulate(
         task: By name or object; see :class:`Task`.
         duration: Simulated time (s).
         dt: Sampling period (s).
-        q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
+        q0: Start (m, rad), shape (nq,); by default ``robot.q_rest``, which scenarios may displace.
         plant: The true robot: an object, or the scenario (or its name) whose masses, inertias and
             payload it has. By default the robot, with those of ``scenario``.
         scenario: How the plant and its sensors differ from what the controller supposes; by name,
@@ -93,9 +93,10 @@ def simulate(
     ticks = whole_ticks(duration, dt)
     stride = max(1, round(seconds("observe_every", observe_every) / dt))
     seed = _seed(seed)
-    start = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
-    aim = make_task(task, robot, start) if isinstance(task, str) else task
+    given = robot.q_rest if q0 is None else robot.checked_configuration(q0)
+    aim = make_task(task, robot, given) if isinstance(task, str) else task
     differences = _scenario(scenario)
+    start = differences.start_of(robot) if q0 is None else given
     setting = Setting(robot, dt, np.random.default_rng(seed))
     true = true_plant(setting, plant, differences)
     with worth_joining(ticks >= _MANY_TICKS):
@@ -331,4 +332,5 @@ def _run_of(loop: Loop) -> Run:
         task_map=loop.task_map,
         criterion=loop.criterion,
         limited=None if samples.limited is None else samples.limited[:n],
+        velocity_ratio=samples.velocity_ratio[:n],
     )

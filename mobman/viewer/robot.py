@@ -22,6 +22,7 @@ from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.meshes import mesh_paths
 from mobman.robots.urdf.shapes import placement, scalar, vector
 from mobman.robots.urdf.validate import shape_of
+from mobman.simulation.limits import BEYOND
 from mobman.viewer.meshes import Colour, MeshKey, Surface, read_meshes
 
 _GREY: Colour = (0.72, 0.74, 0.77, 1.0)
@@ -150,6 +151,8 @@ def _joint(robot: MobileManipulator, index: int) -> dict[str, Any]:
         "q": q,
         "lower": lower if abs(lower) < _UNBOUNDED else rest - span,
         "upper": upper if abs(upper) < _UNBOUNDED else rest + span,
+        # where there are limits, with what counts as beyond
+        "limits": [x if math.isfinite(x) else None for x in (lower - BEYOND, upper + BEYOND)],
     }
 
 

@@ -32,6 +32,7 @@ from mobman.benchmark.report.tables import (
     endings_table,
     leaderboard_table,
     machines_table,
+    metrics_table,
     pairs_table,
     saturation_table,
     summary_table,
@@ -230,6 +231,29 @@ def test_cut_torques_are_shown_and_said_of_failures():
     assert ended[-2].text == "0.25 s"
     assert ended[-1].text == "at t = 0.25 s: |z| is 1e9; torques were cut from 0 s on"
     assert saturation_table(results_of(runs[:1])) is None
+
+
+def test_runs_beyond_the_robots_limits_are_counted_and_marked():
+    runs = made_up_runs({"a": 1e-9, "b": 1e-8}, SCENARIOS)
+    runs[0]["metrics"] |= {"time_beyond_limits": 0.5, "position_limit_excess": 0.2}
+    found = results_of(runs)
+    board = leaderboard_table(board_of(found))
+    assert board.columns[-1].text == "of these, beyond limits"
+    assert {row[1].text: (row[-1].text, row[-1].mark) for row in board.rows} == {
+        "a": ("1", "bad"),
+        "b": ("0", "faint"),
+    }
+    marked = [
+        entry
+        for row in summary_table(found, found.groups[0]).rows
+        for entry in row
+        if entry.unit == "beyond limits"
+    ]
+    assert [(entry.text, entry.mark) for entry in marked] == [("1e-9", "bad")]
+    cell = found.runs.cell[found.runs.beyond].iloc[0]
+    rows = {row[0].text: row[2:] for row in metrics_table(found, cell).rows if len(row) > 2}
+    assert [entry.mark for entry in rows["position_limit_excess"]] == ["bad", ""]
+    assert [entry.mark for entry in rows["time_beyond_limits"]] == ["bad", ""]
 
 
 def test_the_front_is_of_those_that_none_beats():

@@ -50,6 +50,14 @@ def test_run_writes_the_record_and_says_so(tmp_path):
     record = mm.load_record(path)
     assert (record.robot, record.controller, record.task) == ("youbot", "tsm", "paper")
     assert record.scenario == "nominal"
+    assert "beyond its limits: y_2 reached 1.07 times its torque limit at t = 0 s" in done.stdout
+    assert "no success: it went to its end, but |e^e| is " in done.stdout
+    again = mobman("rerun", str(path))
+    assert again.returncode == 0, again.stderr
+    told = [line for line in done.stdout.splitlines() if line.startswith(("beyond", "no success"))]
+    assert told == [
+        line for line in again.stdout.splitlines() if line.startswith(("beyond", "no success"))
+    ]
 
 
 def test_run_as_json_with_gains():

@@ -50,6 +50,7 @@ def made_up_metrics(error: float, **changes: float) -> dict[str, float]:
     metrics = {metric.name: 0.5 for metric in list_metrics()}
     metrics |= {"task_error_max": error, "success": float(error < 1e-4), "torque_energy": 3.0}
     metrics |= {"saturation_share": 0.0, "saturation_start": 1.0}
+    metrics |= {"position_limit_excess": 0.0, "time_beyond_limits": 0.0}
     return {**metrics, **changes}
 
 

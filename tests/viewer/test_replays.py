@@ -13,6 +13,7 @@ import mobman as mm
 from mobman.viewer.scene import frames
 from mobman.viewer.view import make_scene
 from tests.support.poses import drawn, largest_difference
+from tests.support.runs import Torque
 
 TOLERANCE = 1e-6
 
@@ -208,3 +209,29 @@ def test_planar_runs_are_drawn_at_the_tips_height(runs):
     moved = motion(flat, robot)
     assert moved.tip == pytest.approx(motion(record, robot).tip, abs=1e-12)
     assert motion(flat, None).tip[:, 2] == pytest.approx(0.0)
+
+
+def test_joint_beyond_its_limits_is_red_while_it_is(opened, tmp_path):
+    robot = mm.load_robot("youbot")
+    joint = robot.joint_names.index("y_1")
+    start, hold = robot.q_rest.copy(), robot.dynamics(robot.q_rest, np.zeros(5))
+    start[joint] = robot.limits.upper[joint] + 0.02  # and turns back within its limits
+    torque = np.linalg.solve(hold.B, hold.bias) - [0.0, 0.0, 0.5, 0.0, 0.0]
+    record = mm.simulate(robot, Torque(lambda t: torque), "circle", duration=0.5, q0=start)
+    assert record.q[-1, joint] < robot.limits.upper[joint] - 0.02
+    with opened(mm.view(record, html=tmp_path / "run.html").url) as page:
+        colours = (
+            "() => mobman.app.runs[0].robot.layers.visual.filter(({userData}) => userData.joint === "
+            f"{robot.model.getJointId('y_1')}).map((mesh) => mesh.material.color.getHex())"
+        )
+        _go_to(page, 0.0)
+        assert page.evaluate("mobman.beyond()") == ["y_1"]
+        assert "beyond limits: y_1" in page.inner_text("#info table")
+        red = page.evaluate(colours)
+        assert len(set(red)) == 1
+        _go_to(page, 0.5)
+        assert page.evaluate("mobman.beyond()") == []
+        assert "beyond" not in page.inner_text("#info table")
+        assert red[0] not in page.evaluate(colours)
+        _go_to(page, 0.0)
+        assert page.evaluate(colours) == red

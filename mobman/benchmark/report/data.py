@@ -84,6 +84,8 @@ class Results:
         share = metrics.get("saturation_share", pd.Series(0.0, runs.index))
         start = metrics.get("saturation_start", pd.Series(math.nan, runs.index))
         runs["saturation"] = start.where(share > 0.0)
+        beyond = metrics.get("time_beyond_limits", pd.Series(0.0, runs.index))
+        runs["beyond"] = done & (beyond > 0.0)
         runs["explicit"] = [s.get("discretization") == "explicit" for s in runs.settings]
         cells = list(runs[_CELL].itertuples(index=False, name=None))
         numbers = {cell: i for i, cell in enumerate(dict.fromkeys(cells))}

@@ -365,8 +365,9 @@ _IDEAL = (
     "not on any robot."
 )
 _LIMITS = (
-    "Joint limits, collisions and limits of joint speeds are not enforced, and the laws do not know "
-    "them: a run may succeed by a motion that the robot could not make."
+    "Unless a scenario says otherwise, limits of joints, speeds and torques are not enforced, and "
+    "nothing looks for collisions: a run may succeed by a motion that the robot could not make. Runs "
+    "beyond the robot's own limits are counted and marked."
 )
 _CELLS = (
     "Cells are chosen, not sampled from any population of robots, tasks and faults, and the magnitudes "

@@ -57,6 +57,8 @@ class Standing:
     """Runs that diverged or met a singularity."""
     lost: int
     """Runs that were tried and gave no result; they count as failures."""
+    beyond: int
+    """Runs in which the robot went beyond its own limits."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +182,8 @@ def _standing(
     solved, done = int(results.solved.loc[cells, label].sum()), runs.state == DONE
     rate = proportion(solved, len(cells))
     ended, lost = int((done & ~runs.ok).sum()), int((~done).sum())
-    return Standing(label, error, ranks, solved, len(cells), rate, len(runs), ended, lost)
+    counts = len(runs), ended, lost, int(runs.beyond.sum())
+    return Standing(label, error, ranks, solved, len(cells), rate, *counts)
 
 
 def _pairs(results: Results, order: Sequence[str], cells: pd.Index) -> list[Pair]:

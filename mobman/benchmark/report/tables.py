@@ -30,6 +30,7 @@ from mobman.benchmark.report.format import (
 )
 from mobman.benchmark.report.standings import EFFORTS, Board, Pair, Price, Standing
 from mobman.provenance import machine
+from mobman.simulation.limits import ALLOWED
 from mobman.simulation.metrics import list_metrics
 
 SIGNIFICANT = 0.05
@@ -40,6 +41,7 @@ _SECTIONS = {
     "tracking": "Tracking",
     "redundancy": "Redundancy",
     "effort": "Effort",
+    "limits": "Limits of the robot",
     "consistency": "Consistency of the simulation",
     "timing": "Computing time",
 }
@@ -119,11 +121,12 @@ def leaderboard_table(board: Board) -> Table:
                 percent(s.rate),
                 str(s.asked),
                 Entry(", ".join(lost) or UNDEFINED, "bad" if lost else "faint"),
+                Entry(str(s.beyond), "bad" if s.beyond else "faint"),
             ]
         )
     columns = (
         "rank;controller;#steady |e^e| (m);#95 % interval;#cells solved;#95 % interval;#runs;"
-        "of these, failed"
+        "of these, failed;#of these, beyond limits"
     )
     return table_of("Leaderboard over all compared cells", columns, rows)
 
@@ -307,6 +310,9 @@ def _outcome(runs: Sequence[Any], best: str) -> Entry:
         some = f" ({len(early)} of {len(runs)} seeds)" if len(runs) > 1 else ""
         return Entry(f"{ending(early[0])}{some}", "bad", early[0].message)
     error = number(max(run.error for run in runs))
+    if all(run.succeeded for run in runs) and any(run.beyond for run in runs):
+        where = "the robot went beyond its own limits: see time_beyond_limits and its like"
+        return Entry(error, "bad", where, unit="beyond limits")
     if all(run.succeeded for run in runs):
         return _best(error, error == best)
     return Entry(error, "bad", "|e^e| did not settle below 1e-4 m")
@@ -383,6 +389,8 @@ def _values(name: str, values: pd.Series, runs: pd.DataFrame, better: str) -> li
         shown = metric_value(name, value)
         if math.isnan(value):
             found.append(Entry(shown, "faint"))
+        elif value > ALLOWED.get(name, math.inf):
+            found.append(Entry(shown, "bad"))
         elif value == math.inf or name == "success":
             found.append(Entry(shown, "" if won else "bad"))
         else:

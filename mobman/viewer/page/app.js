@@ -191,7 +191,7 @@ class App {
     byId("scale").hidden = !runs[0].byError;
     byId("plain").hidden = runs[0].byError;
     byId("efforts").hidden = !runs[0].shown.efforts;
-    runs.forEach(({ motion, place, info }, i) => {
+    runs.forEach(({ motion, place, info, robot }, i) => {
       if (!motion) return;
       const { error, status } = this.cells[i];
       const failed = info.status !== "ok";
@@ -200,7 +200,9 @@ class App {
       if (motion.angle) error.textContent += `, ${motion.angle[place.frame].toExponential(1)} rad`;
       status.textContent = this.several ? "" : `t = ${time.toFixed(2)} s`;
       if (over) status.textContent = failed ? `${info.status} ${info.message}` : "ended";
-      status.className = over && failed ? "bad" : "";
+      const beyond = robot ? robot.joints.filter((joint) => joint.beyond).map((joint) => joint.name) : [];
+      if (beyond.length) status.textContent += ` beyond limits: ${beyond.join(", ")}`;
+      status.className = (over && failed) || beyond.length ? "bad" : "";
     });
     if (!runs[0].motion) {
       const point = new THREE.Vector3().setFromMatrixPosition(runs[0].pose("tip"));
@@ -352,6 +354,8 @@ async function start() {
     pose: (name, index) => rowsOf(run(index).pose(name)),
     poses: (names, index) => Object.fromEntries(names.map((name) => [name, rowsOf(run(index).pose(name))])),
     joints: (index) => run(index).robot.joints.map((joint) => joint.name),
+    // names of the joints that are beyond their limits now, whose parts are red
+    beyond: (index) => run(index).robot.joints.filter((joint) => joint.beyond).map((joint) => joint.name),
     configuration: (index) => Array.from(run(index).robot.q),
     // what is in the scene: name, role, whether it is shown
     objects: (index) =>

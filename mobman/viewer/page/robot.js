@@ -86,6 +86,8 @@ const over = (color, opacity) =>
 
 const COLLISION = new THREE.MeshBasicMaterial({ color: 0xd9480f, wireframe: true, transparent: true, opacity: 0.55 });
 
+const BEYOND = colourOf(0xe03131);
+
 // Red, green and blue arrows along x, y and z.
 function triad(length, radius) {
   const group = new THREE.Group();
@@ -114,7 +116,8 @@ class Robot {
       this.groups[joint.parent].add(group);
       this.groups.push(group);
       this.named.set(joint.name, group);
-      return { ...joint, group, fixed: matrixOf(joint.placement), direction: new THREE.Vector3(...joint.axis) };
+      const direction = new THREE.Vector3(...joint.axis);
+      return { ...joint, group, fixed: matrixOf(joint.placement), direction, beyond: false };
     });
     for (const part of description.parts) {
       const shape = geometries[part.shape];
@@ -123,6 +126,7 @@ class Robot {
       const mesh = new THREE.Mesh(shape.built, collision ? COLLISION : materialOf(shape, part.colour, tint));
       mesh.castShadow = mesh.receiveShadow = !collision;
       mesh.userData = { role: part.role, joint: part.joint, alpha: part.colour[3] };
+      if (!collision) mesh.userData.colour = mesh.material.color.clone();
       this.place(mesh, part, collision ? "collision" : "visual");
     }
     this.setConfiguration(this.q);
@@ -182,13 +186,25 @@ class Robot {
   setConfiguration(q) {
     this.q.set(q);
     const move = new THREE.Matrix4();
-    for (const { q: index, turns, direction, axis, group, fixed } of this.joints) {
+    for (const joint of this.joints) {
+      const { q: index, turns, direction, axis, group, fixed } = joint;
       const value = this.q[index];
+      this.mark(joint, value);
       if (turns) move.makeRotationAxis(direction, value);
       else move.makeTranslation(...axis.map((part) => part * value));
       group.matrix.multiplyMatrices(fixed, move);
       group.matrixWorldNeedsUpdate = true;
     }
+  }
+
+  // What a joint beyond its limits carries is red.
+  mark(joint, value) {
+    const [lower, upper] = joint.limits;
+    const beyond = (lower !== null && value < lower) || (upper !== null && value > upper);
+    if (beyond === joint.beyond) return;
+    joint.beyond = beyond;
+    for (const { material, userData } of joint.group.children.filter((child) => child.userData.colour))
+      material.color.copy(beyond ? BEYOND : userData.colour);
   }
 
   // The corners of the boxes about everything that it is drawn with, in a group's frame.

@@ -1,0 +1,227 @@
+"""Limits of the motors as a law keeps to them, so that no integral of it winds up, and caps on how fast
+a law approaches its target."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import kernel
+from mobman.controllers.gains import diagonal, require_positive_diagonal
+from mobman.controllers.task_errors import Stop
+from mobman.errors import GainError
+from mobman.linalg import apply, cholesky, cholesky_solve, dot, solve
+from mobman.model.mobile_manipulator import MobileManipulator
+
+TorqueLimits = float | Sequence[float | None] | None
+"""Largest |v| of each motor (N m, N): one number for all, or one for each with None where there is none;
+None: those that act, see :func:`torque_limits`."""
+Cap = float | Sequence[float] | None
+"""A largest norm: one number for positions and orientations alike, or one for each; None for none."""
+
+_BRAKING = 2.0  # 1/s: rate at which the torque that a hedge falls back to slows all motions
+_WITHIN = (
+    0.98  # of a limit: how near that torque comes, so that there is a way from it to any other
+)
+
+
+class LimitedMotors:
+    """Base of laws that keep their torques within limits.
+
+    Whoever closes the loop says with :meth:`limit_motors`, before ``reset``, which limits act behind the
+    law; simulation passes on those of the scenario's saturation. A law that is told another limit than
+    the one that acts does not know that its torques are cut.
+    """
+
+    _acting: Array | None = None
+
+    def limit_motors(self, acting: Array | None) -> None:
+        """
+        Args:
+            acting: Largest |v| that acts (N m, N), shape (nz,), inf where nothing limits a motor; None
+                if that is not known.
+        """
+        self._acting = acting
+
+    def torque_limits(self, robot: MobileManipulator, given: TorqueLimits) -> Array:
+        """Largest |v| of each motor (N m, N), shape (nz,); inf for those without a limit.
+
+        Args:
+            robot: The nominal robot, whose URDF's limits count where nothing says which act.
+            given: The law's own gain, which comes first.
+
+        Raises:
+            GainError: If it has the wrong length.
+        """
+        if given is None:
+            return (robot.limits.torque if self._acting is None else self._acting).copy()
+        if isinstance(given, float | int):
+            return diagonal("torque_limits", given, robot.nz)
+        return diagonal("torque_limits", [np.inf if x is None else x for x in given], robot.nz)
+
+
+def plain_limits(limits: Array) -> list[float | None]:
+    """Limits as a gain and a file have them: None for the motors without one."""
+    return [float(limit) if np.isfinite(limit) else None for limit in limits]
+
+
+def require_torque_limits(given: TorqueLimits) -> None:
+    """Raises GainError unless limits are numbers above 0; None in the place of one is allowed."""
+    numbers = [given] if isinstance(given, float | int) or given is None else list(given)
+    for number in numbers:
+        plain = isinstance(number, float | int | np.number) and not isinstance(number, bool)
+        if number is not None and not (plain and 0.0 < number < np.inf):
+            raise GainError(
+                f"torque_limits = {given!r}: must be numbers above 0, one for all motors or one for "
+                "each; null for a motor without a limit"
+            )
+
+
+def require_caps(gains: Any, *names: str) -> None:
+    """Raises GainError unless each named cap is None, a number above 0, or two of them."""
+    for name in names:
+        value = getattr(gains, name)
+        if value is not None:
+            require_positive_diagonal(gains, name)
+            if np.ndim(value) and np.shape(value) != (2,):
+                raise GainError(
+                    f"{name} = {value!r}: must be one number, or two: of positions and of orientations"
+                )
+
+
+def caps_of(cap: Cap) -> Array:
+    """The caps of positions and of orientations, shape (2,); inf for none."""
+    return np.full(2, np.inf) if cap is None else diagonal("cap", cap, 2)
+
+
+@kernel
+def cap(
+    x: Vector, m: int, largest: Vector, power: float, weights: Vector, weight_power: float
+) -> None:
+    """Scale the positions and the orientations in x to a norm of largest^power at most, each by itself.
+
+    Args:
+        x: Errors or what is made of them; only the task's own are changed.
+        m: How many these are: up to three of position, the rest of orientation.
+        largest: Of positions and of orientations, shape (2,); inf for none.
+        power: Exponent of it.
+        weights: The norm is of x_i weights_i^weight_power.
+        weight_power: See there.
+    """
+    for part in range(2):
+        if math.isinf(largest[part]):
+            continue
+        first, last = (0, min(m, 3)) if part == 0 else (3, m)
+        size = 0.0
+        for i in range(first, last):
+            size += (weights[i] ** weight_power * x[i]) ** 2
+        size = math.sqrt(size)
+        if size > largest[part] ** power:
+            for i in range(first, last):
+                x[i] *= largest[part] ** power / size
+
+
+class Hedge(NamedTuple):
+    """Work space of :func:`hedge`."""
+
+    inside: Vector
+    change: Vector
+    force: Vector
+    square: Matrix
+
+    @classmethod
+    def of(cls, nz: int) -> Hedge:
+        """Work space for a robot with nz motors."""
+        inside, change, force = np.zeros((3, nz))
+        return cls(inside, change, force, np.zeros((nz, nz)))
+
+
+@kernel
+def hedge(
+    dt: float,
+    limit: Vector,
+    stage: Any,
+    held: Any,
+    J: Matrix,
+    z: Vector,
+    z_dot: Vector,
+    M: Matrix,
+    B: Matrix,
+    work: Hedge,
+) -> int:
+    """Bring the torque v of a sliding law within the motors' limits, without wind-up of its integrals.
+
+    v moves towards one that brakes, z' = -2 z. The acceleration that it does not give,
+    Delta = M^-1 B (v - v_wanted), leaves the reference: v_ref += Delta, its integral += dt Delta,
+    and the integral of g -= J Delta, so that s of (31) and S of (51) stay where they were.
+
+    Args:
+        dt: Sampling period (s).
+        limit: Of each |v|, shape (nz,); inf where there is none.
+        stage: The kinematic stage, with the integral of g.
+        held: The law's other integrals, advanced over the tick.
+        J: Of the coordinates in s, shape (p, nz).
+        z: Measured, shape (nz,).
+        z_dot: The same.
+        M: Nominal, shape (nz, nz).
+        B: The same.
+        work: Work space.
+    """
+    v, inside, change, force = held.v, work.inside, work.change, work.force
+    within = True
+    for i in range(v.shape[0]):
+        within = within and abs(v[i]) <= limit[i]
+    if within:
+        return 0
+    for i in range(v.shape[0]):
+        change[i] = -_BRAKING * z[i] - z_dot[i]
+    apply(M, change, force)
+    if solve(B, force, inside, work.square) != 0:
+        return Stop.NO_INVERSE
+    for i in range(v.shape[0]):
+        inside[i] += v[i] - dt * held.v_dot[i]  # the torque under which z' was measured
+        inside[i] = min(max(inside[i], -_WITHIN * limit[i]), _WITHIN * limit[i])
+        change[i] = -v[i]
+    fit_torque(limit, inside, v)
+    for i in range(v.shape[0]):
+        change[i] += v[i]
+    apply(B, change, force)
+    if cholesky(M, work.square) != 0:
+        return Stop.NOT_DEFINITE
+    cholesky_solve(work.square, force, change)
+    for i in range(v.shape[0]):
+        held.v_ref[i] += change[i]
+        held.integral_v_ref[i] += dt * change[i]
+    for i in range(J.shape[0]):
+        stage.integral[i] -= dot(J[i], change)
+    return 0
+
+
+@kernel
+def fit_torque(limit: Vector, inside: Vector, v: Vector) -> bool:
+    """Move v towards a torque within the limits until all |v_i| <= limit_i; True if it moved.
+
+    All motors move by one share of the way, so that the direction of the difference stays: clipping
+    motor by motor would ask for another motion. A law that integrates must, where this is True, undo in
+    its integrals what the motors do not do, or not integrate in this tick.
+
+    Args:
+        limit: Shape (nz,); inf where there is none.
+        inside: A torque within the limits (what brakes the robot, or holds it), shape (nz,).
+        v: The torque that is wanted, shape (nz,); written in place.
+    """
+    share = 1.0
+    for i in range(v.shape[0]):
+        if not abs(v[i]) <= limit[i]:
+            bound = limit[i] if v[i] > 0.0 else -limit[i]
+            share = min(share, (bound - inside[i]) / (v[i] - inside[i]))
+    if share == 1.0:
+        return False
+    for i in range(v.shape[0]):
+        v[i] = inside[i] + share * (v[i] - inside[i])
+        v[i] = min(max(v[i], -limit[i]), limit[i])  # rounding
+    return True
