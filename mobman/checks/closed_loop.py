@@ -74,13 +74,13 @@ def _workspace(subject: Subject) -> tuple[float, float, float]:
     """Least and largest height of the tip, and its largest distance from the arm's first joint (m)."""
     robot, model, frame = subject.robot, subject.robot.model, subject.tip_frame
     chain = [i for i in model.supports[model.getJointId(subject.carrier)] if i]
-    arm = set(robot.arm_index.tolist())
+    arm = set(robot.arm.joints.tolist())
     first = next(i for i in chain if model.joints[i].idx_q in arm)
     data = model.createData()
     heights, distances = [], []
     for sampled, _ in subject.states(_SAMPLES):
         q = subject.home.copy()
-        q[robot.arm_index] = sampled[robot.arm_index]
+        q[robot.arm.joints] = sampled[robot.arm.joints]
         pin.forwardKinematics(model, data, q)
         tip = np.array(pin.updateFramePlacement(model, data, frame).translation)
         heights.append(float(tip[2]))

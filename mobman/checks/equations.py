@@ -21,6 +21,7 @@ from mobman.checks.checks import (
 )
 from mobman.checks.subject import Subject
 from mobman.errors import SingularityError
+from mobman.model.build import assemble
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -39,7 +40,8 @@ def constraints(subject: Subject) -> Iterator[Remark]:
     if len(robot.platform_index) == 0:
         yield does_not_apply("the base is fixed")
         return
-    l, p, k = len(robot.platform_index), robot.n_alpha, robot.k
+    l, p = len(robot.platform_index), robot.n_alpha
+    k = l - p
     residual, ranks_a, ranks_n = 0.0, set(), set()
     for q, _ in subject.states(_STATES):
         x = q[robot.platform_index]
@@ -108,6 +110,42 @@ def _slip(subject: Subject, joint: str, radius: float, x_dot: Array) -> float:
     forward = np.cross(subject.axis(joint), up)
     forward /= np.linalg.norm(forward)
     return float(forward @ (motion[:3] + np.cross(motion[3:], -radius * up)))
+
+
+# Joints that follow others -----------------------------------------------------------------------------
+
+
+@check("following", "joints that follow others (<mimic>) move with them, or are held off the way")
+def following(subject: Subject) -> Iterator[Remark]:
+    robot = subject.robot
+    assembly = assemble(robot.spec, robot.urdf)
+    every = assembly.robot.findall("joint")  # not those of transmissions
+    ends = {
+        (joint.get("name", ""), end.tag): end.get("link", "")
+        for joint in every
+        for end in joint
+        if end.tag in ("parent", "child")
+    }
+    above = {ends[name, "child"]: name for name, end in ends if end == "child"}
+    mimics = [joint.get("name", "") for joint in every if joint.find("mimic") is not None]
+    if not mimics:
+        yield does_not_apply("no joint follows another")
+        return
+    on_the_way, link = set[str](), robot.tip
+    while link in above:
+        on_the_way.add(above[link])
+        link = ends[above[link], "parent"]
+    held = [name for name in mimics if name in assembly.locked]
+    if cut := [name for name in held if name in on_the_way]:
+        yield warning(
+            f"the tip loses the motion of {some(map(repr, cut))}: held, though <mimic> moves it",
+            f"remove it, and what it follows, from field 'urdf.lock' of robot {robot.name!r}",
+        )
+    said = [
+        f"{one.joint!r} follows {one.of!r} at {one.ratio:g} of its rate" for one in robot.followers
+    ]
+    said += [f"{some(map(repr, held))} held"] if held else []
+    yield all_ok("; ".join(said) or "the platform's own equations tell how they follow")
 
 
 # Criterion ---------------------------------------------------------------------------------------------

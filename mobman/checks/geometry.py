@@ -88,7 +88,10 @@ def _wheel(subject: Subject, wheel: Wheel) -> Iterator[Remark]:
 def _heights(subject: Subject, lowest: dict[str, float]) -> Iterator[Remark]:
     robot = f"robot {subject.robot.name!r}"
     fix = {
-        "unicycle": f"set field 'platform.height' of {robot} to the root link's height",
+        **dict.fromkeys(
+            ("unicycle", "planar"),
+            f"set field 'platform.height' of {robot} to the root link's height",
+        ),
         "custom": f"check root_offset of the platform's definition of {robot}",
     }.get(
         subject.robot.spec.platform.type,

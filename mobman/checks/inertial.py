@@ -317,6 +317,7 @@ _TURNS = 4.0 * math.pi  # rad: joints that turn further are rare, limits in degr
 _SLIDES = 10.0  # m: the same for limits in millimetres
 _FAST = 50.0  # rad/s: joints of arms that are faster are rare, limits in degrees a second are not
 _STEERING = 0.5 * math.pi - 1e-3  # rad
+_STEEP = 1e6  # times the entries of N at rest: a singularity
 
 
 @check("limits", "limits are there, in radians and metres, and the rest posture is inside them")
@@ -354,6 +355,7 @@ def _rest(subject: Subject) -> Iterator[Remark]:
 def _missing(subject: Subject) -> Iterator[Remark]:
     robot, model = subject.robot, subject.robot.model
     driven = np.any(robot.actuation(robot.q_rest) != 0.0, axis=1)  # front wheels of cars are not
+    without = (*BASE_JOINTS, *robot.platform.virtual_joints)
     for kind, values, needed in (
         ("velocity", model.velocityLimit, np.ones(robot.nq, dtype=bool)),
         ("effort", model.effortLimit, driven),
@@ -361,7 +363,7 @@ def _missing(subject: Subject) -> Iterator[Remark]:
         lacking = some(
             repr(name)
             for name, value, wanted in zip(robot.joint_names, values, needed, strict=True)
-            if name not in BASE_JOINTS and wanted and not (math.isfinite(value) and value > 0.0)
+            if name not in without and wanted and not (math.isfinite(value) and value > 0.0)
         )
         if lacking:
             yield warning(
@@ -401,6 +403,12 @@ def _units(subject: Subject) -> Iterator[Remark]:
 
 def _steering(subject: Subject) -> Iterator[Remark]:
     robot, model = subject.robot, subject.robot.model
+    names = robot.platform.coordinates
+    x = robot.q_rest[robot.platform_index]
+    across = np.where(np.isin(names, subject.steering), 0.5 * math.pi, x)
+    sizes = [float(np.abs(robot.platform.velocity_map(at)).max(initial=0.0)) for at in (x, across)]
+    if not sizes[1] > _STEEP * sizes[0]:
+        return  # nothing is singular there
     for name in subject.steering:
         i = robot.joint_names.index(name)
         largest = max(abs(float(model.lowerPositionLimit[i])), float(model.upperPositionLimit[i]))

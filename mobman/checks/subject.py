@@ -199,7 +199,7 @@ class Subject:
     @cached_property
     def platform_links(self) -> list[Link]:
         """The links that no joint of the arm moves, wheels included."""
-        model, arm = self.robot.model, set(self.robot.arm_index.tolist())
+        model, arm = self.robot.model, set(self.robot.arm.joints.tolist())
         return [
             link
             for joint, links in self._bodies.items()
@@ -233,5 +233,6 @@ class Subject:
         upper = np.where(steered, np.minimum(upper, _STEERED), upper)
         upper = np.maximum(lower, upper)
         return [
-            (random.uniform(lower, upper), random.standard_normal(robot.nz)) for _ in range(count)
+            (robot.consistent(random.uniform(lower, upper)), random.standard_normal(robot.nz))
+            for _ in range(count)
         ]

@@ -204,6 +204,7 @@ def _print(summary: dict[str, Any]) -> None:
     lines += [
         ("arm joints", f"{len(joints)}: {', '.join(joints)}"),
         ("tip", summary["tip"]),
+        *([("follow", ", ".join(summary["following"]))] if summary["following"] else []),
         ("locked", f"{len(summary['locked'])} joints"),
         ("rest", ", ".join(f"{joint} {at:.4g}" for joint, at in summary["rest"].items())),
         *(("uncertain", doubt) for doubt in summary["uncertain"]),

@@ -213,7 +213,7 @@ def adaptation_gain(robot: MobileManipulator, task: Task, omega: float) -> Array
     """Diagonal of Gamma, shape (10 bodies,); see :class:`Adaptive`."""
     by_body = nominal_parameters(robot).reshape(-1, PER_BODY)
     masses = by_body[:, 0]
-    arm = np.isin(np.arange(len(masses)), robot.arm_index) & (masses > 0.0)
+    arm = np.isin(np.arange(len(masses)), robot.arm.joints) & (masses > 0.0)
     second_moments = by_body[:, [4, 6, 9]].sum(axis=1)  # trace: twice the polar second moment
     l2 = float(0.5 * second_moments[arm].sum() / masses[arm].sum())
     scale = np.repeat([1.0, l2, l2**2], [1, 3, 6])

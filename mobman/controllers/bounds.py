@@ -40,6 +40,7 @@ def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Ar
         t = random.uniform(0.0, horizon)
         q = robot.q_rest.copy()
         q[robot.arm_index] = random.uniform(lower, upper)[robot.arm_index]
+        q = robot.consistent(q)
         if heading is not None:
             q[heading] = random.uniform(-math.pi, math.pi)
         if len(position) == 2:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -14,16 +14,18 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.errors import SpecError, UnknownNameError
-from mobman.model.mobile_manipulator import Geometry, MobileManipulator
+from mobman.errors import SpecError, UnknownNameError, UsageError
+from mobman.model.mobile_manipulator import Follower, Geometry, MobileManipulator
 from mobman.model.platforms.platform import Platform, Site, platforms
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.spec import RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import LINK, Mounted, compose, flat_urdf
 from mobman.robots.urdf.meshes import MeshError, absolute_meshes, read_triangles
 from mobman.robots.urdf.read import UrdfFile, UrdfSources, urdf_sources
+from mobman.robots.urdf.shapes import scalar
 from mobman.robots.urdf.validate import too_large
 
+_FOLLOWING = 1e-9  # weight of coordinates that others determine: next to none
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
 
 
@@ -69,7 +71,8 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     platform = platform_type(spec).build(Site(spec.platform.parameters, still, where, spec.folder))
     tree = _parse(spec, _flat(assembly.robot, where, platform))
     locked = _locked(spec, assembly, platform, tree)
-    model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", spec.rest))
+    followers = _followers(spec, assembly, platform)
+    model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", assembly.rest))
     _give_back_names(model.frames)
     links = [str(link.get("name")) for link in assembly.robot.findall("link")]
     if spec.arm.tip not in links:
@@ -83,10 +86,11 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
         model=model,
         platform=platform,
         q_rest=_named_values(spec, model, "rest", spec.rest, known=list(tree.names)),
-        criterion_weights=_criterion_weights(spec, platform, model, list(tree.names)),
+        criterion_weights=_criterion_weights(spec, platform, followers, model, list(tree.names)),
         criterion_couplings=_criterion_couplings(spec, model),
+        followers=followers,
     )
-    return _checked(robot)
+    return _checked(_with_consistent_rest(robot))
 
 
 def load_geometry(robot: MobileManipulator) -> Geometry:
@@ -114,7 +118,7 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
         tree,
         models,
         _locked(spec, assembly, robot.platform, tree),
-        _named_values(spec, tree, "rest", spec.rest),
+        _named_values(spec, tree, "rest", assembly.rest),
     )
     for geometry in reduced:
         _give_back_names(geometry.geometryObjects)
@@ -128,6 +132,10 @@ class Assembly(NamedTuple):
     """The ``<robot>`` element of all parts together."""
     locked: set[str]
     """Names of the joints that do not move."""
+    rest: dict[str, float]
+    """[rest], and where joints are held that follow one that does not move (m, rad)."""
+    following: tuple[Follower, ...]
+    """Joints that follow one that moves."""
 
 
 def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -> Assembly:
@@ -140,7 +148,7 @@ def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -
 
     Raises:
         SpecError: If a file is no URDF that makes sense, the parts do not fit together, a pattern of
-            ``lock`` matches nothing, a joint that follows another is not locked, or a mesh is missing.
+            ``lock`` matches nothing, joints follow each other, or a mesh is missing.
     """
     where, files, locked = spec.where, list(sources.files), set[str]()
     if spec.urdf is None:
@@ -158,13 +166,58 @@ def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -
         part = _part(mount, file, field, mount.prefix, with_meshes, locked)
         mounted.append(Mounted(part, mount, field))
     robot = compose(platform, mounted)
-    following = {name for name, joint in _movable(robot) if joint.find("mimic") is not None}
-    if free := following - locked:
-        raise SpecError(
-            f"{where}: the joints {', '.join(sorted(free))} follow others (<mimic>), which a motor for "
-            "each joint does not allow; lock them in field 'urdf.lock' (or that of the mount)"
-        )
-    return Assembly(robot, locked)
+    rest, following = dict(spec.rest), list[Follower]()
+    movable = dict(_movable(robot))
+    for name in movable:
+        one = _followed(name, movable, locked, where)
+        if one is None:
+            continue
+        if one.of in movable and one.of not in locked:
+            following.append(one)
+        else:  # what it follows does not move
+            at = spec.rest.get(one.of, 0.0) if one.of in movable else 0.0
+            rest.setdefault(name, one.ratio * at + one.offset)
+            locked.add(name)
+    return Assembly(robot, locked, rest, tuple(following))
+
+
+def _followed(
+    name: str, movable: Mapping[str, ET.Element], locked: set[str], where: str
+) -> Follower | None:
+    """The joint that one follows at last, through those in between; None if it follows none.
+
+    Raises:
+        SpecError: If joints follow each other in a circle.
+    """
+    ratio, offset, of, seen = 1.0, 0.0, name, [name]
+    while of in movable and of not in locked and (law := movable[of].find("mimic")) is not None:
+        offset += ratio * scalar(law, "offset")
+        ratio *= scalar(law, "multiplier", 1.0)
+        of = law.get("joint", "")
+        if of in seen:
+            raise SpecError(
+                f"{where}: the joints {', '.join(seen)} follow each other in a circle (<mimic>); "
+                "remove one of these elements"
+            )
+        seen.append(of)
+    return None if of == name else Follower(name, of, ratio, offset)
+
+
+def _followers(spec: RobotSpec, assembly: Assembly, platform: Platform) -> list[Follower]:
+    """The joints that follow one of the arm; those of the platform follow by its own equations.
+
+    Raises:
+        SpecError: If one follows a joint of the platform.
+    """
+    own = set(platform.coordinates)
+    found = [one for one in assembly.following if one.joint not in own]
+    for one in found:
+        if one.of in own:
+            raise SpecError(
+                f"{spec.where}: joint {one.joint!r} follows {one.of!r} of the platform (<mimic>), which "
+                "is not modelled; lock it in field 'urdf.lock' (or that of the mount)"
+            )
+    return found
 
 
 def _part(
@@ -216,7 +269,8 @@ def _give_back_names(named: Iterable[pin.Frame | pin.GeometryObject]) -> None:
 
 
 def _flat(robot: ET.Element, where: str, platform: Platform) -> str:
-    return flat_urdf(robot, where, platform.root_offset, platform.heading, platform.base_joints)
+    joints = platform.base_joints, platform.virtual_joints
+    return flat_urdf(robot, where, platform.root_offset, platform.heading, *joints)
 
 
 def _parse(spec: RobotSpec, xml: str) -> pin.Model:
@@ -257,10 +311,16 @@ def _named_values(
 
 
 def _criterion_weights(
-    spec: RobotSpec, platform: Platform, model: pin.Model, known: list[str]
+    spec: RobotSpec,
+    platform: Platform,
+    followers: Sequence[Follower],
+    model: pin.Model,
+    known: list[str],
 ) -> Array:
     given = spec.criterion
     base = dict.fromkeys(platform.base_joints, given.platform)
+    following = (*platform.following, *(one.joint for one in followers))
+    base |= dict.fromkeys(following, _FOLLOWING)
     if given.wheels is not None:
         base |= {wheel.joint: given.wheels for wheel in platform.wheels}
     return _named_values(
@@ -283,6 +343,24 @@ def _criterion_couplings(spec: RobotSpec, model: pin.Model) -> Array:
     return couplings
 
 
+def _with_consistent_rest(robot: MobileManipulator) -> MobileManipulator:
+    """The robot, with what [rest] leaves out as the other coordinates make it.
+
+    Raises:
+        SpecError: If [rest] says otherwise.
+    """
+    where = robot.spec.where
+    try:
+        robot.q_rest = robot.consistent(robot.q_rest)
+        given = robot.q_rest.copy()
+        for name in robot.spec.rest.keys() & set(robot.joint_names):
+            given[robot.joint_names.index(name)] = robot.spec.rest[name]
+        robot.checked_configuration(given)
+    except UsageError as error:
+        raise SpecError(f"{where}: [rest]: {str(error).removeprefix('q0: ')}") from error
+    return robot
+
+
 def _checked(robot: MobileManipulator) -> MobileManipulator:
     """The robot, if its numbers make sense.
 
@@ -294,9 +372,11 @@ def _checked(robot: MobileManipulator) -> MobileManipulator:
     if robot.n == 0:
         raise SpecError(f"{where}: no joint is left for the arm; see field 'urdf.lock'")
     lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    followed = {one.joint: f" (it follows {one.of!r})" for one in robot.followers}
     for i in np.flatnonzero((robot.q_rest < lower) | (robot.q_rest > upper)):
+        name = robot.joint_names[i]
         raise SpecError(
-            f"{where}: field 'rest.{robot.joint_names[i]}' is {robot.q_rest[i]:g}; allowed: "
+            f"{where}: field 'rest.{name}' is {robot.q_rest[i]:g}{followed.get(name, '')}; allowed: "
             f"{lower[i]:g} to {upper[i]:g}"
         )
     for i in np.flatnonzero(robot.criterion_weights <= 0):
@@ -304,7 +384,7 @@ def _checked(robot: MobileManipulator) -> MobileManipulator:
             f"{where}: field 'criterion.weights.{robot.joint_names[i]}' is "
             f"{robot.criterion_weights[i]:g}; allowed: above 0"
         )
-    if not np.any(robot.tip_jacobian(robot.q_rest)[:, robot.arm_index]):
+    if not np.any(robot.tip_jacobian(robot.q_rest)[:, robot.arm.joints]):
         raise SpecError(
             f"{where}: field 'arm.tip' is {robot.tip!r}, which no joint of the arm moves"
         )

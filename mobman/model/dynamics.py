@@ -18,6 +18,7 @@ from mobman.arrays import Array, Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.linalg import apply
 from mobman.model.platforms.platform import (
+    Arm,
     Motion,
     Platform,
     assemble_constraints,
@@ -32,7 +33,8 @@ class Structure(Protocol):
     model: pin.Model
     platform: Platform
     platform_index: Index
-    arm_index: Index
+    arm: Arm
+    following_rows: Array
     q_rest: Array
     nq: int
     nz: int
@@ -60,8 +62,8 @@ class Buffers:
         q_dot: C z, shape (nq,).
         C: Shape (nq, nz).
         C_dot_z: C' z, shape (nq,).
-        A, A_rate: [A 0] of (16) and its rate, shape (k, nq).
-        A_x, A_x_rate: Derivative of A by x, and its rate, shape (k, l, l).
+        A, A_rate: [A 0] of (16), the rows of joints that follow others below, and its rate, (k, nq).
+        A_x, A_x_rate: Derivative of the platform's A by x, and its rate, shape (., l, l).
         M, bias, B: The reduced dynamics (17), shapes (nz, nz), (nz,), (nz, nz).
         tip: Position of the tip (m), shape (3,).
         tip_jacobian, tip_jacobian_rate: World axes, linear rows first, shape (6, nq).
@@ -80,9 +82,10 @@ class Buffers:
         self.x, self.x_dot, self.alpha = np.zeros(l), np.zeros(l), np.zeros(p)
         self.N, self.N_rate = np.zeros((l, p)), np.zeros((l, p))
         self.q_dot, self.C_dot_z, self.C = np.zeros(nq), np.zeros(nq), np.zeros((nq, nz))
-        self.platform_B, self.platform_A = np.zeros((l, p)), np.zeros((k, l))
-        self.A_x, self.A_x_rate = np.zeros((k, l, l)), np.zeros((k, l, l))
+        self.platform_B, self.platform_A = np.zeros((l, p)), np.zeros((l - p, l))
+        self.A_x, self.A_x_rate = np.zeros((l - p, l, l)), np.zeros((l - p, l, l))
         self.A, self.A_rate = np.zeros((k, nq)), np.zeros((k, nq))
+        self.A[l - p :] = robot.following_rows
         self.M, self.bias, self.B = np.zeros((nz, nz)), np.zeros(nz), np.eye(nz)
         self.tip, self.tip_jacobian = np.zeros(3), np.zeros((6, nq))
         self.tip_jacobian_rate = np.zeros((6, nq))
@@ -119,7 +122,7 @@ class Buffers:
     @cached_property
     def _motion(self) -> Motion:
         mine = vars(self) | {"platform_index": self._robot.platform_index}
-        mine["arm_index"] = self._robot.arm_index
+        mine["arm"] = self._robot.arm
         return Motion(*(mine[name] for name in Motion._fields))
 
     @cached_property
@@ -148,8 +151,8 @@ class Buffers:
     @cached_property
     def inertia(self) -> Callable[[], None]:
         """Fills M and B, after ``velocity`` and ``run_inertia`` or ``run_dynamics``."""
-        index, arm_index = self._robot.platform_index, self._robot.arm_index
-        given = (self.joint_inertia, index, arm_index, self.N, self.platform_B)
+        index, arm = self._robot.platform_index, self._robot.arm
+        given = (self.joint_inertia, index, arm, self.N, self.platform_B)
         return bind(reduced_inertia, *given, self.M, self.B)
 
     @cached_property
@@ -158,7 +161,7 @@ class Buffers:
         return bind(
             reduced_bias,
             *(self.joint_inertia, self.nonlinear),
-            *(self._robot.platform_index, self._robot.arm_index, self.N, self.C_dot_z, self.bias),
+            *(self._robot.platform_index, self._robot.arm, self.N, self.C_dot_z, self.bias),
         )
 
     @cached_property
@@ -190,7 +193,7 @@ def symmetric(matrix: Columns, i: int, j: int) -> float:
 def reduced_inertia(
     inertia: Columns,
     platform_index: Index,
-    arm_index: Index,
+    arm: Arm,
     N: Matrix,
     actuation: Matrix,
     M: Matrix,
@@ -201,22 +204,22 @@ def reduced_inertia(
     Args:
         inertia: M', its upper triangle, shape (nq, nq).
         platform_index: Where x is in q.
-        arm_index: Where y is in q, increasing.
+        arm: The other joints.
         N: Shape (l, l-k).
         actuation: B'' of the platform, shape (l, l-k).
         M: For the inertia, shape (nz, nz).
         B: For the actuation, shape (nz, nz); its platform's block is written, the rest is that of I.
     """
     l, p = N.shape
-    n = arm_index.shape[0]
+    n = arm.joints.shape[0]
+    for a in range(M.shape[0]):
+        for b in range(M.shape[0]):
+            M[a, b] = 0.0
     for a in range(p):
         for b in range(p):
-            M[a, b] = 0.0
             B[a, b] = 0.0
             for i in range(l):
                 B[a, b] += N[i, a] * actuation[i, b]
-        for j in range(n):
-            M[a, p + j] = 0.0
     for i in range(l):
         row = platform_index[i]
         for j in range(i + 1):
@@ -227,17 +230,20 @@ def reduced_inertia(
                     if i != j:
                         M[a, b] += N[j, a] * entry * N[i, b]
         for j in range(n):
-            entry = symmetric(inertia, row, arm_index[j])
+            entry = arm.ratio[j] * symmetric(inertia, row, arm.joints[j])
             for a in range(p):
-                M[a, p + j] += N[i, a] * entry
-    for j in range(n):
-        column = arm_index[j]
+                M[a, p + arm.column[j]] += N[i, a] * entry
+    for j in range(p, M.shape[0]):
         for a in range(p):
-            M[p + j, a] = M[a, p + j]
-        for i in range(j + 1):  # arm_index increases
-            entry = inertia[arm_index[i], column]
-            M[p + i, p + j] = entry
-            M[p + j, p + i] = entry
+            M[j, a] = M[a, j]
+    for j in range(n):
+        column = p + arm.column[j]
+        for i in range(j + 1):  # arm.joints increases
+            row = p + arm.column[i]
+            entry = arm.ratio[i] * arm.ratio[j] * inertia[arm.joints[i], arm.joints[j]]
+            M[row, column] += entry
+            if i != j:
+                M[column, row] += entry
 
 
 @kernel
@@ -245,7 +251,7 @@ def reduced_bias(
     inertia: Columns,
     nonlinear: Vector,
     platform_index: Index,
-    arm_index: Index,
+    arm: Arm,
     N: Matrix,
     C_dot_z: Vector,
     bias: Vector,
@@ -256,16 +262,16 @@ def reduced_bias(
         inertia: M', its upper triangle, shape (nq, nq).
         nonlinear: Coriolis, centrifugal and gravity terms in q, shape (nq,).
         platform_index: Where x is in q.
-        arm_index: Where y is in q.
+        arm: The other joints.
         N: Shape (l, l-k).
         C_dot_z: C' z, shape (nq,).
         bias: For the result, shape (nz,).
     """
     l, p = N.shape
-    for a in range(p):
+    for a in range(bias.shape[0]):
         bias[a] = 0.0
-    for i in range(l + arm_index.shape[0]):
-        row = platform_index[i] if i < l else arm_index[i - l]
+    for i in range(l + arm.joints.shape[0]):
+        row = platform_index[i] if i < l else arm.joints[i - l]
         entry = nonlinear[row]
         for j in range(l):
             column = platform_index[j]
@@ -274,7 +280,7 @@ def reduced_bias(
             for a in range(p):
                 bias[a] += N[i, a] * entry
         else:
-            bias[p + i - l] = entry
+            bias[p + arm.column[i - l]] += arm.ratio[i - l] * entry
 
 
 @kernel

@@ -37,6 +37,7 @@ from mobman.model.criterion import Criterion, criterion_entry
 from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.orientation import REASONS
+from mobman.model.platforms.platform import Arm
 from mobman.model.task_map import (
     TaskMap,
     add_task_hessian,
@@ -75,7 +76,7 @@ class Given(NamedTuple):
     """The robot and the criterion at a state, see :class:`mobman.model.dynamics.Buffers`."""
 
     platform_index: Index
-    arm_index: Index
+    arm: Arm
     tip: Vector
     tip_jacobian: Matrix
     tip_jacobian_rate: Matrix
@@ -151,7 +152,7 @@ class ExtendedJacobian:
         self.complement = first_axes(nz - m, nq)
         J_f, J_f_rate, self._rows = task_map.rows_of(now)
         self._at = Given(
-            *(robot.platform_index, robot.arm_index),
+            *(robot.platform_index, robot.arm),
             *(now.tip, now.tip_jacobian, now.tip_jacobian_rate, J_f, J_f_rate, now.tip_axes),
             *(now.A, now.A_rate, now.A_x, now.A_x_rate, now.N, now.q_dot, now.C_dot_z),
             *(np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))),
@@ -358,8 +359,10 @@ def _times_C(rows: Matrix, at: Given, reduced: Matrix) -> None:
             for c in range(l):
                 entry += rows[i, at.platform_index[c]] * at.N[c, a]
             reduced[i, a] = entry
-        for c in range(at.arm_index.shape[0]):
-            reduced[i, p + c] = rows[i, at.arm_index[c]]
+        for c in range(p, reduced.shape[1]):
+            reduced[i, c] = 0.0
+        for c in range(at.arm.joints.shape[0]):
+            reduced[i, p + at.arm.column[c]] += at.arm.ratio[c] * rows[i, at.arm.joints[c]]
 
 
 def extended_kinematics(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from threading import local
 from typing import Any, NamedTuple
@@ -13,11 +14,12 @@ from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.display import Displayed, Shown
 from mobman.errors import ModelError, UsageError
 from mobman.model.dynamics import Buffers
-from mobman.model.platforms.platform import Platform
+from mobman.model.platforms.platform import Arm, Platform
 from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf.read import UrdfSources
 
 _WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+_APART = 1e-6  # m, rad: by which a coordinate may differ from what others make it
 _NO_BOUND = 1e8  # joints without limits have some 1e9 in the model
 
 
@@ -58,6 +60,19 @@ class TipKinematics(NamedTuple):
     """Angular velocity (rad/s), shape (3,)."""
 
 
+class Follower(NamedTuple):
+    """A joint without a motor that follows another one of the arm: ``<mimic>`` in a URDF."""
+
+    joint: str
+    """Its name."""
+    of: str
+    """The joint that it follows, which has a motor."""
+    ratio: float
+    """Its rate over that joint's."""
+    offset: float
+    """Its position where that joint is at 0 (m, rad)."""
+
+
 class Limits(NamedTuple):
     """Bounds; inf where a URDF states none (0 or a very large number, by convention)."""
 
@@ -88,6 +103,9 @@ class MobileManipulator(Displayed):
     coordinates x (pose and wheel angles) and the arm's y. Velocities are reduced,
     :math:`z = (\alpha, \dot y)` with :math:`\dot q = C z` (9). SI units: m, rad, kg, N, N m.
 
+    A joint that follows another one is in q with a row of its own in A and in C, :math:`\dot q_f = r
+    \dot q_m`; it has no entry in z, and its inertia is felt by the motor that it follows.
+
     Robots are made by :func:`mobman.load_robot`. Threads may share one: what its methods compute in
     is each thread's own. Vectors are arrays or lists; methods raise UsageError if one has another shape
     than is said, or not only finite numbers.
@@ -112,6 +130,7 @@ class MobileManipulator(Displayed):
         q_rest: Preferred posture, shape (nq,); also the default start.
         criterion_weights: Diagonal of K_F in the posture criterion (12), shape (nq,).
         criterion_couplings: The rest of K_F, shape (nq, nq).
+        followers: Joints that follow others.
     """
 
     def __init__(
@@ -124,6 +143,7 @@ class MobileManipulator(Displayed):
         q_rest: Array,
         criterion_weights: Array,
         criterion_couplings: Array,
+        followers: Sequence[Follower] = (),
     ) -> None:
         self.name = spec.name
         self.spec = spec
@@ -134,6 +154,7 @@ class MobileManipulator(Displayed):
         self.q_rest = q_rest
         self.criterion_weights = criterion_weights
         self.criterion_couplings = criterion_couplings
+        self.followers = tuple(followers)
         # a joint may have the same name
         self.tip_frame = int(model.getFrameId(self.tip, pin.FrameType.BODY))
         if self.tip_frame >= model.nframes:
@@ -143,9 +164,19 @@ class MobileManipulator(Displayed):
         self.platform_index = np.array(
             [index[name] for name in platform.coordinates], dtype=np.int64
         )
-        self.arm_index = np.array(
-            [i for i in range(model.nq) if i not in set(self.platform_index)], dtype=np.int64
+        driven = {index[one.joint]: (index[one.of], one.ratio) for one in self.followers}
+        every = [i for i in range(model.nq) if i not in set(self.platform_index)]
+        motors = [i for i in every if i not in driven]
+        self.arm_index = np.array(motors, dtype=np.int64)
+        of = [driven.get(i, (i, 1.0)) for i in every]
+        self.arm = Arm(
+            np.array(every, dtype=np.int64),
+            np.array([motors.index(motor) for motor, _ in of], dtype=np.int64),
+            np.array([ratio for _, ratio in of]),
         )
+        self.following_rows = np.zeros((len(driven), model.nq))
+        for row, (i, (motor, ratio)) in zip(self.following_rows, driven.items(), strict=True):
+            row[i], row[motor] = 1.0, -ratio
         self.velocity_names = [
             *platform.velocity_names,
             *(self.joint_names[i] for i in self.arm_index),
@@ -193,6 +224,7 @@ class MobileManipulator(Displayed):
             q_rest=self.q_rest.copy(),
             criterion_weights=self.criterion_weights.copy(),
             criterion_couplings=self.criterion_couplings.copy(),
+            followers=self.followers,
         )
 
     def copy(self) -> MobileManipulator:
@@ -213,7 +245,27 @@ class MobileManipulator(Displayed):
             raise UsageError(
                 f"{error}; robot {self.name!r}: the order is {', '.join(self.joint_names)}"
             ) from error
+        needed = self.consistent(configuration)
+        for i in np.flatnonzero(np.abs(needed - configuration) > _APART):
+            raise UsageError(
+                f"q0: {self.joint_names[i]} is {configuration[i]:g}; allowed with the other coordinates "
+                f"of robot {self.name!r}: {needed[i]:.9g} (robot.consistent(q) gives them)"
+            )
         return configuration
+
+    def consistent(self, q: Array) -> Array:
+        """A copy of q with the coordinates that others determine set accordingly: joints that follow
+        others, the steering angles of a swerve platform. On other robots all are free.
+
+        Raises:
+            UsageError: If the others determine none.
+        """
+        result = _vector("q", q, self.nq).copy()
+        result[self.platform_index] = self.platform.consistent(result[self.platform_index])
+        for one, row in zip(self.followers, self.following_rows, strict=True):
+            i = self.joint_names.index(one.joint)
+            result[i] += one.offset - row @ result
+        return result
 
     @property
     def limits(self) -> Limits:
@@ -245,40 +297,45 @@ class MobileManipulator(Displayed):
     # Kinematics of the constraints -------------------------------------------------------------
 
     def constraint_matrix(self, q: Array) -> Array:
-        """[A(x) 0] of (1) and (16) in q's order, shape (k, nq)."""
+        """[A(x) 0] of (1) and (16) in q's order, and below it a row for each joint that follows another,
+        shape (k, nq)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        return self._columns(self.platform.constraint_matrix(x))
+        own = self._columns(self.platform.constraint_matrix(x))
+        return np.concatenate([own, self.following_rows])
 
     def constraint_matrix_rate(self, q: Array, q_dot: Array) -> Array:
         """d/dt of :meth:`constraint_matrix` along q', shape (k, nq)."""
         index = self.platform_index
         x, x_dot = _vector("q", q, self.nq)[index], _vector("q_dot", q_dot, self.nq)[index]
-        return self._columns(self.platform.constraint_matrix_rate(x, x_dot))
+        own = self._columns(self.platform.constraint_matrix_rate(x, x_dot))
+        return np.concatenate([own, np.zeros_like(self.following_rows)])
 
     def constraint_hessian(self, q: Array, multiplier: Array) -> Array:
         """d([A 0]^T lam)/dq at fixed lam of shape (k,), shape (nq, nq)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        multiplier = _vector("multiplier", multiplier, self.k)
+        multiplier = self._of_platform(multiplier)
         return self._columns(self._columns(self.platform.constraint_hessian(x, multiplier)).T).T
 
     def constraint_hessian_rate(self, q: Array, q_dot: Array, multiplier: Array) -> Array:
         """d/dt of :meth:`constraint_hessian` along q' at fixed lam, shape (nq, nq)."""
         index = self.platform_index
         x, x_dot = _vector("q", q, self.nq)[index], _vector("q_dot", q_dot, self.nq)[index]
-        multiplier = _vector("multiplier", multiplier, self.k)
+        multiplier = self._of_platform(multiplier)
         rate = self.platform.constraint_hessian_rate(x, x_dot, multiplier)
         return self._columns(self._columns(rate).T).T
 
     def velocity_map(self, q: Array) -> Array:
         """C(q) = blkdiag(N, I) of (9), q' = C z, shape (nq, nz)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        return self._by_velocity(self.platform.velocity_map(x), 1.0)
+        matrix = self._by_velocity(self.platform.velocity_map(x))
+        matrix[self.arm.joints, self.n_alpha + self.arm.column] = self.arm.ratio
+        return matrix
 
     def velocity_map_rate(self, q: Array, z: Array) -> Array:
         """dC/dt along q' = C z, shape (nq, nz)."""
         x = _vector("q", q, self.nq)[self.platform_index]
         x_dot = self.platform.velocity_map(x) @ _vector("z", z, self.nz)[: self.n_alpha]
-        return self._by_velocity(self.platform.velocity_map_rate(x, x_dot), 0.0)
+        return self._by_velocity(self.platform.velocity_map_rate(x, x_dot))
 
     def _columns(self, block: Array) -> Array:
         """A matrix whose columns belong to x, as one whose columns belong to q."""
@@ -286,12 +343,15 @@ class MobileManipulator(Displayed):
         matrix[:, self.platform_index] = block
         return matrix
 
-    def _by_velocity(self, block: Array, arm: float) -> Array:
-        """A matrix from alpha to x, and a number for each joint of the arm, as one from z to q."""
+    def _by_velocity(self, block: Array) -> Array:
+        """A matrix from alpha to x as one from z to q."""
         matrix = np.zeros((self.nq, self.nz))
         matrix[np.ix_(self.platform_index, np.arange(self.n_alpha))] = block
-        matrix[self.arm_index, np.arange(self.n_alpha, self.nz)] = arm
         return matrix
+
+    def _of_platform(self, multiplier: Array) -> Array:
+        """The part of k multipliers that belongs to the platform's constraints."""
+        return _vector("multiplier", multiplier, self.k)[: self.k - len(self.followers)]
 
     def velocity(self, q: Array, z: Array) -> Velocity:
         """C, C z and C' z at (q, z)."""
@@ -303,7 +363,9 @@ class MobileManipulator(Displayed):
     def actuation(self, q: Array) -> Array:
         """B'(q) of (16): the generalised forces that each command makes, shape (nq, nz)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        return self._by_velocity(self.platform.actuation(x), 1.0)
+        matrix = self._by_velocity(self.platform.actuation(x))
+        matrix[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
+        return matrix
 
     def reduced_inertia(self, q: Array) -> Array:
         """M = C^T M' C of (17) by itself, shape (nz, nz); :meth:`dynamics` is for many calls."""
@@ -350,7 +412,7 @@ class MobileManipulator(Displayed):
         """Position of the first joint that moves the tip and is not the platform's (m), shape (3,)."""
         pin.forwardKinematics(self.model, self.data, _vector("q", q, self.nq))
         chain = self.model.supports[self.model.frames[self.tip_frame].parentJoint]
-        first = next(i for i in chain if self.model.joints[i].idx_q in self.arm_index)
+        first = next(i for i in chain if self.model.joints[i].idx_q in self.arm.joints)
         return np.array(self.data.oMi[first].translation)
 
     def tip_jacobian(self, q: Array) -> Array:

@@ -89,7 +89,7 @@ class Links(Piece):
                     f"{robot.name!r}, which has {listing}"
                 )
             chosen |= fits
-        arm = {int(i) for i in robot.arm_index}
+        arm = {int(i) for i in robot.arm.joints}
         moves_arm = {i for i in chosen if model.joints[i].idx_q in arm}
         return {"all": chosen, "arm": moves_arm, "platform": chosen - moves_arm}[self.part]
 
@@ -145,7 +145,7 @@ class Payload(Piece):
 
 def carried_mass(robot: MobileManipulator) -> float:
     """Mass of the links between the platform and the tip (kg)."""
-    model, arm = robot.model, set(robot.arm_index)
+    model, arm = robot.model, set(robot.arm.joints)
     chain = model.supports[model.frames[robot.tip_frame].parentJoint]
     return float(sum(model.inertias[i].mass for i in chain if model.joints[i].idx_q in arm))
 

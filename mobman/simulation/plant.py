@@ -15,6 +15,7 @@ from mobman.errors import SingularityError, SpecError
 from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, dot
 from mobman.model.dynamics import Buffers, reduced_bias, reduced_inertia
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.platforms.platform import Arm
 from mobman.simulation.disturbances import Torque
 from mobman.simulation.friction import Resistance
 from mobman.simulation.sensors import pose_index
@@ -131,7 +132,7 @@ class Plant:
         now, robot, forces = self.now, self.robot, self.forces
         dynamics = bind(
             _dynamics,
-            *(now.joint_inertia, now.nonlinear, robot.platform_index, robot.arm_index),
+            *(now.joint_inertia, now.nonlinear, robot.platform_index, robot.arm),
             *(now.N, now.platform_B, now.C_dot_z, now.M, now.B, now.bias, forces.lower),
         )
         if not self._friction and not self._stops:
@@ -191,7 +192,7 @@ def _dynamics(
     inertia: Columns,
     nonlinear: Vector,
     platform_index: Index,
-    arm_index: Index,
+    arm: Arm,
     N: Matrix,
     platform_B: Matrix,
     C_dot_z: Vector,
@@ -202,8 +203,8 @@ def _dynamics(
 ) -> int:
     """M, B and Pz + G of (17), and the factor of M; not a number if M is not, so that a state that has
     diverged shows as that."""
-    reduced_inertia(inertia, platform_index, arm_index, N, platform_B, M, B)
-    reduced_bias(inertia, nonlinear, platform_index, arm_index, N, C_dot_z, bias)
+    reduced_inertia(inertia, platform_index, arm, N, platform_B, M, B)
+    reduced_bias(inertia, nonlinear, platform_index, arm, N, C_dot_z, bias)
     if cholesky(M, lower) == 0:
         return 0
     for i in range(M.shape[0]):

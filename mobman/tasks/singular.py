@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from mobman.arrays import Array
 from mobman.errors import SingularityError, UsageError
@@ -21,6 +22,7 @@ from mobman.tasks.paths import PAUSE, TRAVEL, Pause, PointToPoint, Travel, excur
 from mobman.tasks.task import parameter, tasks
 
 _SMALL = 1e-12
+_ANGLES = 49  # tried of a joint that others follow
 _DIGITS = 6  # of lengths (m) and singular values of the kinematic path, the same on all machines
 _COARSE = 4  # the same of the algorithmic path
 _DIRECTIONS = 8  # horizontal ones in which an algorithmic singularity is looked for
@@ -214,6 +216,9 @@ class _Climb:
         self._joints = [int(i) for i in robot.arm_index if robot.tip_chain[i] > 0.0]
         kinds = {joint.idx_q: joint.shortname() for joint in robot.model.joints[1:]}
         self._slides = {i for i in self._joints if kinds[i].startswith("JointModelP")}
+        # a joint's column of C moves those that follow it, too
+        self._moves = robot.velocity_map(q)[:, robot.n_alpha :].T
+        self._column = {int(i): self._moves[c] for c, i in enumerate(robot.arm_index)}
         self._lower, self._upper = robot.limits.lower.copy(), robot.limits.upper.copy()
         for i in self._joints:
             if i not in self._slides and not within_limits:
@@ -231,14 +236,14 @@ class _Climb:
         for i in self._joints:
             low, high = max(self._lower[i], -math.pi), min(self._upper[i], math.pi)
             q[i] = random.uniform(low, high) if low < high else min(low, self._upper[i])
-        return q
+        return self._robot.consistent(q)
 
     def swept(self, q: Array) -> Array:
         """Put each joint in turn where it holds the tip highest, from tip to base, repeatedly."""
         q, last = q.copy(), -math.inf
         for _ in range(_SWEEPS):
             for i in reversed(self._joints):
-                q[i] = self._highest(i, q)
+                q += (self._highest(i, q) - q[i]) * self._column[i]
             height = self.height(q)
             if height < last + _GAIN:
                 break
@@ -252,16 +257,18 @@ class _Climb:
             tip = self._robot.tip_kinematics(q, np.zeros(self._robot.nz))
             inside = (self._lower < q) & (q < self._upper)
             free = [i for i in self._joints if i not in self._slides and inside[i]]
-            gradient = self._direction @ tip.jacobian[:3, free]
+            moves = np.array([self._column[i] for i in free]).reshape(-1, len(q))
+            gradient = moves @ (self._direction @ tip.jacobian[:3])
             if not free or float(np.abs(gradient).max()) < _SMALL:
                 break
-            hessian = TaskMap().hessian(tip, self._direction)[np.ix_(free, free)]
+            hessian = moves @ TaskMap().hessian(tip, self._direction) @ moves.T
             curvature, axes = np.linalg.eigh(hessian)
             steep = np.abs(curvature) > _FLAT * np.abs(curvature).max()
             along = axes[:, steep]
             new = q.copy()
             new[free] += along @ ((along.T @ gradient) / np.abs(curvature[steep]))
             new[free] = np.clip(new, self._lower, self._upper)[free]
+            new = self._robot.consistent(new)
             height = self.height(new)
             if height < last - _SMALL:
                 break
@@ -270,7 +277,11 @@ class _Climb:
 
     def _highest(self, i: int, q: Array) -> float:
         """Angle or slide of a joint that holds the tip highest, the others as they are."""
-        column, lower, upper = self._robot.tip_jacobian(q)[:, i], self._lower[i], self._upper[i]
+        column, lower, upper = self._column[i], self._lower[i], self._upper[i]
+        turning = [j for j in np.flatnonzero(column) if j not in self._slides and j != i]
+        if any(self._robot.tip_chain[j] for j in turning):
+            return self._best_of_many(i, q)
+        column = self._robot.tip_jacobian(q) @ column
         slope = float(self._direction @ column[:3])
         if i in self._slides:
             return float(q[i] if abs(slope) < _SMALL else upper if slope > 0.0 else lower)
@@ -289,6 +300,19 @@ class _Climb:
             return bend * math.cos(angle - q[i]) + slope * math.sin(angle - q[i])
 
         return float(max(lower, upper, key=height))
+
+    def _best_of_many(self, i: int, q: Array) -> float:
+        """The same for a joint that others follow by turning: the height is no plain sine then."""
+
+        def height(angle: float) -> float:
+            return self.height(q + (angle - q[i]) * self._column[i])
+
+        low, high = max(self._lower[i], q[i] - math.pi), min(self._upper[i], q[i] + math.pi)
+        angles = np.linspace(low, high, _ANGLES)
+        near = float(max(angles, key=height))
+        step = (high - low) / (_ANGLES - 1)
+        bounds = (max(low, near - step), min(high, near + step))
+        return float(minimize_scalar(lambda angle: -height(angle), bounds=bounds).x)
 
 
 # The solution of the extended task along lines ---------------------------------------------------------

@@ -48,6 +48,7 @@ _WHEELED = {
 }
 PLATFORMS: dict[str, dict[str, Any]] = {
     "unicycle": {"type": "unicycle", "body": _BODY},
+    "planar": {"type": "planar", "body": _BODY},
     "differential": {
         "type": "differential",
         "wheel_radius": 0.08,
@@ -79,6 +80,18 @@ PLATFORMS: dict[str, dict[str, Any]] = {
         "kind": "omni",
         "wheel_radius": 0.1,
         "body": {**_WHEELED, "circle": 0.3, "angles": [0.0, 2.0944, 4.1888]},
+    },
+    "swerve": {
+        "type": "swerve",
+        "wheel_radius": 0.1,
+        "body": {**_WHEELED, "wheelbase": 0.4, "half_track": 0.25, "module_mass": 1.0},
+    },
+    "turret": {
+        "type": "turret",
+        "wheel_radius": 0.1,
+        "half_track": 0.2,
+        "offset": 0.11,
+        "body": {**_WHEELED, "carriage_mass": 5.0},
     },
     "fixed": {"type": "fixed"},
 }

@@ -208,8 +208,8 @@ def test_check_does_not_fire_where_nothing_is_wrong(name, check):
 
 def test_every_check_fires_somewhere_and_is_silent_somewhere():
     """So that a new check comes with its own."""
-    # tests/checks/test_platforms.py, tests/simulation/test_singular_runs.py
-    elsewhere = {"criterion", "derivatives", "fold"}
+    # test_platforms.py here, tests/simulation/test_singular_runs.py, tests/model/test_followers.py
+    elsewhere = {"criterion", "derivatives", "fold", "following"}
     assert {row[2] for row in FIRES.values()} | elsewhere == {item.name for item in list_checks()}
 
 

@@ -12,7 +12,10 @@ from mobman.checks.checks import run_checks
 from mobman.tasks.circle import Circle
 from mobman.tasks.task import tasks
 
-TYPES = ["unicycle", "differential", "skid-steer", "car-like", "mecanum", "omni", "fixed"]
+TYPES = [
+    *("unicycle", "planar", "differential", "skid-steer", "car-like", "mecanum", "omni", "swerve"),
+    *("turret", "fixed"),
+]
 
 
 def by_check(findings):
@@ -148,9 +151,10 @@ def test_too_few_joints_for_the_tip(on_platform):
     assert found["derivatives"].status == "ok"
 
 
-def test_unicycle_that_is_put_into_the_ground(on_platform):
+@pytest.mark.parametrize("kind", ["unicycle", "planar"])
+def test_platform_without_wheels_that_is_put_into_the_ground(on_platform, kind):
     body = {"mass": 40.0, "size": (0.6, 0.4, 0.2), "ground_clearance": 0.05}
-    platform = {"type": "unicycle", "body": body, "height": -0.15}
+    platform = {"type": kind, "body": body, "height": -0.15}
     (finding,) = run_checks(on_platform(platform), only=["ground"])
     assert finding.status == "wrong"
     assert "-100 mm" in finding.found

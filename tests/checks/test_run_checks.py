@@ -9,8 +9,8 @@ from mobman.checks.checks import Check, all_ok, checks, list_checks, ok, run_che
 from mobman.errors import UnknownNameError
 
 KINDS = {
-    "closed-loop", "constraints", "criterion", "derivatives", "gravity", "ground", "inertias", "limits",
-    "meshes", "reach", "singularities", "wheel-radius",
+    "closed-loop", "constraints", "criterion", "derivatives", "following", "gravity", "ground",
+    "inertias", "limits", "meshes", "reach", "singularities", "wheel-radius",
 }  # fmt: skip
 
 

@@ -29,13 +29,13 @@ def test_arm_coordinates_are_free_of_the_platform(robot):
         assert np.array_equal(arm[:, : robot.n_alpha], np.zeros((robot.n, robot.n_alpha)))
         assert np.array_equal(arm[:, robot.n_alpha :], np.eye(robot.n))
         assert not c[np.ix_(robot.platform_index, range(robot.n_alpha, robot.nz))].any()
-        assert not a[:, robot.arm_index].any()
+        assert not a[: robot.k - len(robot.followers), robot.arm_index].any()
 
 
 def test_rate_of_the_velocity_map(robot):
     for q, z in random_states(robot):
         q_dot = robot.velocity_map(q) @ z
-        expected = derivative(lambda s, q=q, d=q_dot: robot.velocity_map(q + s * d))
+        expected = derivative(lambda s, q=q, d=q_dot: robot.velocity_map(q + s * d), 1e-3)
         assert relative(robot.velocity_map_rate(q, z), expected) < 1e-6
 
 
@@ -50,7 +50,7 @@ def test_velocity_gathers_the_map_the_motion_and_the_drift(robot):
 def test_rate_of_the_constraints(robot):
     for q, z in random_states(robot):
         q_dot = robot.velocity_map(q) @ z
-        expected = derivative(lambda s, q=q, d=q_dot: robot.constraint_matrix(q + s * d))
+        expected = derivative(lambda s, q=q, d=q_dot: robot.constraint_matrix(q + s * d), 1e-3)
         assert relative(robot.constraint_matrix_rate(q, q_dot), expected) < 1e-6
 
 

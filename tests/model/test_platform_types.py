@@ -13,6 +13,7 @@ from support.platforms import ANGLES, ARM, LENGTH, PLATFORMS, R, W, on
 from support.states import random_states
 
 import mobman as mm
+from mobman.errors import SpecError, UsageError
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian, extended_kinematics
 from mobman.model.platforms.platform import platforms
@@ -123,7 +124,7 @@ def test_wheels_stand_on_the_ground(robot):
 
 def test_rolling_wheels_touch_the_ground_without_slipping(robots):
     """The lowest point of each wheel that has no rollers does not move along the wheel."""
-    for name in ("differential", "car-like"):
+    for name in ("differential", "car-like", "turret"):
         robot = robots[name]
         for q, z in random_states(robot, 20):
             if name == "car-like":  # the knuckles turn alike
@@ -143,6 +144,71 @@ def test_rolling_wheels_touch_the_ground_without_slipping(robots):
                 axis = columns[3:, robot.model.joints[index].idx_v]
                 along = np.cross(axis, [0.0, 0.0, 1.0])
                 assert abs(contact @ along) < 1e-10
+
+
+def contacts(robot, q, z):
+    """Velocities of the wheels' lowest points (m/s), shape (w, 3)."""
+    q_dot = robot.velocity_map(q) @ z
+    pin.computeJointJacobians(robot.model, robot.data, q)
+    found = []
+    for wheel in robot.platform.wheels:
+        index = robot.model.getJointId(wheel.joint)
+        frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        twist = pin.getJointJacobian(robot.model, robot.data, index, frame) @ q_dot
+        found.append(twist[:3] + np.cross(twist[3:], [0.0, 0.0, -wheel.radius]))
+    return np.array(found)
+
+
+def test_a_turret_on_its_carriage_moves_in_every_direction(robots):
+    """The body's velocity is any: det of its rows of N is R^2 a / (2 W), up to its sign."""
+    robot = robots["turret"]
+    for q, _ in random_states(robot, 20):
+        n = robot.platform.velocity_map(q[robot.platform_index])[:3]
+        assert np.isclose(abs(np.linalg.det(n)), R**2 * 0.11 / (2.0 * W))
+
+
+def test_a_turret_over_the_axle_is_refused():
+    with pytest.raises(SpecError, match=r"platform.offset' is 0.0000 m"):
+        mm.load_robot(on("turret", offset=0.0))
+
+
+def test_swerve_wheels_touch_the_ground_without_slipping_at_all(robots):
+    robot = robots["swerve"]
+    for q, z in random_states(robot, 50):
+        q = robot.consistent(q)
+        speeds = np.abs(robot.velocity_map(q) @ z).max()
+        assert np.abs(contacts(robot, q, z)).max() < 1e-12 * max(1.0, speeds)
+
+
+def test_swerve_steering_stays_consistent_along_a_motion(robots):
+    """q' = C z keeps the axles meeting in one point: the constraints of steering integrate."""
+    robot = robots["swerve"]
+    for q, z in random_states(robot, 5):
+        q = robot.consistent(0.3 * q)
+        moved = q + 1e-5 * (robot.velocity_map(q) @ z)
+        middle = robot.consistent(0.5 * (q + moved))
+        moved = q + 1e-5 * (robot.velocity_map(middle) @ z)
+        assert np.allclose(robot.consistent(moved), moved, rtol=0.0, atol=1e-12)
+
+
+def test_swerve_refuses_a_centre_of_rotation_on_a_steering_axis(robots):
+    robot = robots["swerve"]
+    q = robot.q_rest.copy()
+    # ahead, with the centre of rotation at the front left module: the one at (L/2, W)
+    q[robot.joint_names.index("travel_direction")] = np.arctan2(-0.5 * LENGTH, W)
+    q[robot.joint_names.index("travel_curvature")] = 1.0 / np.hypot(0.5 * LENGTH, W)
+    with pytest.raises(UsageError, match=r"centre of rotation .* 'steering_front_left'"):
+        robot.consistent(q)
+
+
+def test_a_start_whose_axles_do_not_meet_is_refused(robots):
+    robot = robots["swerve"]
+    q = robot.q_rest.copy()
+    q[robot.joint_names.index("steering_rear_right")] = 0.2
+    with pytest.raises(UsageError, match=r"steering_rear_right is 0.2; allowed .* 0 "):
+        mm.simulate(robot, "tsm", "circle", duration=0.01, q0=q)
+    with pytest.raises(SpecError, match=r"\[rest\]: steering_rear_right is 0.2"):
+        mm.load_robot({**on("swerve"), "rest": {"steering_rear_right": 0.2}})
 
 
 def test_inertia_is_positive_and_the_arm_is_the_arm(robot):
@@ -225,16 +291,22 @@ def test_steering_is_absent_from_the_first_order_task_map(robots):
         assert np.array_equal(column, np.zeros(3))
 
 
-@pytest.mark.parametrize("name", ["differential", "skid-steer", "mecanum", "car-like", "unicycle"])
+TURNED = [
+    *("differential", "skid-steer", "mecanum", "car-like", "unicycle", "planar", "swerve", "turret")
+]
+
+
+@pytest.mark.parametrize("name", TURNED)
 def test_forward_may_be_any_direction_of_the_root_link(name, tmp_path):
     """A root link turned under its platform: the heading says so, and the robot is the same."""
     own = mm.load_robot(on(name))
     # the same wheels seen from a root link whose x axis points to the right: forward is its y axis
     turned = mm.load_robot(_turned(name, tmp_path))
+    order = [own.joint_names.index(joint) for joint in turned.joint_names]
     for q, z in random_states(own, 5):
-        m = own.dynamics(q, z).M
-        assert np.allclose(turned.dynamics(q, z).M, m, atol=1e-9)
-        assert np.allclose(turned.tip_pose(q).homogeneous, own.tip_pose(q).homogeneous, atol=1e-9)
+        m, pose = own.dynamics(q, z).M, own.tip_pose(q).homogeneous
+        assert np.allclose(turned.dynamics(q[order], z).M, m, atol=1e-9)
+        assert np.allclose(turned.tip_pose(q[order]).homogeneous, pose, atol=1e-9)
 
 
 def _turned(name, folder):
@@ -264,6 +336,11 @@ def _turned(name, folder):
             "steering": ["steering_right", "steering_left"],
             "front_wheels": ["wheel_front_right", "wheel_front_left"],
         },
+        "swerve": {
+            f"{field}": [f"{what}_{end}_{hand}" for end in ends for hand in ("left", "right")]
+            for field, what in (("steering", "steering"), ("wheels", "wheel"))
+        },
+        "turret": {"turret": "turret", "right_wheel": "wheel_right", "left_wheel": "wheel_left"},
     }.get(platform["type"], {})
     return {**content, "platform": platform, "urdf": {"path": "turned.urdf"}, "folder": folder}
 

@@ -187,13 +187,19 @@ def test_bad_urdf_is_named(what, tmp_path):
     assert "changed.urdf" in str(caught.value) or "'youbot'" in str(caught.value)
 
 
-def test_joint_that_follows_another_must_be_locked(tmp_path):
+def test_joint_that_follows_another_has_no_motor(tmp_path):
     text = (ROBOTS / "youbot.urdf").read_text()
     limit = '<limit lower="-2.5482"'
     assert limit in text
     (tmp_path / "a.urdf").write_text(text.replace(limit, '<mimic joint="y_2"/>' + limit))
-    with pytest.raises(SpecError, match="y_3 follow others"):
+    with pytest.raises(SpecError, match=r"\[rest\]: y_3 is .*; allowed with the other coordinates"):
         mm.load_robot({**description(urdf__path="a.urdf"), "folder": tmp_path})
+    rest = {name: value for name, value in description()["rest"].items() if name != "y_3"}
+    robot = mm.load_robot({**description(urdf__path="a.urdf"), "folder": tmp_path, "rest": rest})
+    assert (robot.nz, robot.k) == (4, 4)
+    assert robot.velocity_names[-1] == "y_2"
+    y_2, y_3 = (robot.joint_names.index(name) for name in ("y_2", "y_3"))
+    assert robot.q_rest[y_3] == robot.q_rest[y_2]
     held = {**description(urdf__path="a.urdf", urdf__lock=["y_3"]), "folder": tmp_path}
     assert mm.load_robot(held).nz == 4
 

@@ -20,6 +20,7 @@ PLATFORMS: dict[str, dict[str, Any]] = {
         "body": WHEELED,
     },
     "unicycle": {"type": "unicycle", "reference_offset": 0.1, "body": BODY},
+    "planar": {"type": "planar", "body": BODY},
     "skid-steer": {
         "type": "skid-steer",
         "wheel_radius": R,
@@ -46,6 +47,18 @@ PLATFORMS: dict[str, dict[str, Any]] = {
         "kind": "omni",
         "wheel_radius": R,
         "body": {**WHEELED, "circle": W, "angles": [float(angle) for angle in ANGLES]},
+    },
+    "swerve": {
+        "type": "swerve",
+        "wheel_radius": R,
+        "body": {**WHEELED, "wheelbase": LENGTH, "half_track": W, "module_mass": 2.0},
+    },
+    "turret": {
+        "type": "turret",
+        "wheel_radius": R,
+        "half_track": W,
+        "offset": 0.11,
+        "body": {**WHEELED, "carriage_mass": 5.0},
     },
     "fixed": {"type": "fixed", "body": BODY},
 }

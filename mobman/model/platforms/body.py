@@ -80,10 +80,11 @@ class Knuckle:
     Attributes:
         joint: Name of its joint; its link is called ``<joint>_link``.
         xyz: Its position from ``platform`` (m).
-        limit: Largest angle (rad).
+        limit: Largest angle (rad); infinite: it turns without end.
         velocity: Largest rate (rad/s); 0: not known.
         mass: kg.
         radius: Of the wheel that it carries, for its size (m).
+        effort: Largest torque (N m); 0: not known.
     """
 
     joint: str
@@ -92,6 +93,7 @@ class Knuckle:
     velocity: float
     mass: float
     radius: float
+    effort: float = 0.0
 
 
 def required(origin: str, field: str, value: T | None, why: str = "") -> T:
@@ -183,16 +185,13 @@ def _add_knuckle(robot: ET.Element, knuckle: Knuckle) -> None:
     inertia = tuple(box_inertia(knuckle.mass, size))
     link = _link(robot, name, knuckle.mass, inertia, (0.0, 0.0, 0.0))
     _shape(link, "box", {"size": _text(size)}, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _GREY)
-    joint = _joint(robot, knuckle.joint, "revolute", BASE_LINK, name, knuckle.xyz, 0.0)
+    endless = math.isinf(knuckle.limit)
+    kind = "continuous" if endless else "revolute"
+    joint = _joint(robot, knuckle.joint, kind, BASE_LINK, name, knuckle.xyz, 0.0)
     ET.SubElement(joint, "axis", xyz="0 0 1")
-    ET.SubElement(
-        joint,
-        "limit",
-        lower=repr(-knuckle.limit),
-        upper=repr(knuckle.limit),
-        effort="0.0",
-        velocity=repr(knuckle.velocity),
-    )
+    bounds = {} if endless else {"lower": repr(-knuckle.limit), "upper": repr(knuckle.limit)}
+    motor = {"effort": repr(knuckle.effort), "velocity": repr(knuckle.velocity)}
+    ET.SubElement(joint, "limit", {**bounds, **motor})
 
 
 def _link(

@@ -30,9 +30,9 @@ from mobman.model.platforms.platform import (
     platforms,
 )
 from mobman.model.platforms.wheels import (
-    AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
     JointPlace,
+    check_upright,
     joint_place,
     sides,
     wheel_place,
@@ -197,12 +197,7 @@ def _wheelbase(site: Site, axle: Array, knuckles: Sequence[JointPlace]) -> float
     Raises:
         SpecError: If an axis is not vertical, or they are not ahead of it at one distance.
     """
-    for place in knuckles:
-        if abs(place.axis[2]) < math.cos(AXIS_TOLERANCE):
-            raise SpecError(
-                f"{site.origin}: field 'platform.steering': the axis of joint {place.joint!r} is "
-                f"{place.axis.round(3)} in the platform frame; a steering joint's is vertical"
-            )
+    check_upright(site, knuckles, "steering")
     ahead = [float(place.centre[0] - axle[0]) for place in knuckles]
     if min(ahead) <= 0.0 or max(ahead) - min(ahead) > LENGTH_TOLERANCE:
         raise SpecError(

@@ -25,7 +25,7 @@ from mobman.model.platforms.platform import Site, Wheel, platforms
 from mobman.model.platforms.wheels import (
     AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
-    JointPlace,
+    check_level,
     joint_place,
 )
 from mobman.toml_model import Strict, validate
@@ -127,7 +127,7 @@ class Omnidirectional(BodyFramePlatform):
                 "joints"
             )
         places = [joint_place(site, name, "wheels", given.heading) for name in names]
-        _check_level(site, places)
+        check_level(site, places)
         centre = np.mean([place.centre for place in places], axis=0)
         positions = np.array([place.centre[:2] - centre[:2] for place in places])
         axes = np.array([place.axis for place in places])
@@ -207,21 +207,6 @@ def _roller_angles(
             "mecanum wheels whose axes are along the platform's y, in front of and behind its middle"
         )
     return -0.25 * math.pi * np.sign(positions[:, 0] * positions[:, 1])
-
-
-def _check_level(site: Site, places: Sequence[JointPlace]) -> None:
-    for place in places:
-        if abs(place.axis[2]) > AXIS_TOLERANCE:
-            raise SpecError(
-                f"{site.origin}: field 'platform.wheels': the axis of joint {place.joint!r} is "
-                f"{place.axis.round(3)} in the platform frame; a wheel's is horizontal"
-            )
-        if abs(place.centre[2] - places[0].centre[2]) > LENGTH_TOLERANCE:
-            raise SpecError(
-                f"{site.origin}: field 'platform.wheels': {places[0].joint!r} and {place.joint!r} are "
-                f"at heights {places[0].centre[2]:.4f} and {place.centre[2]:.4f}; wheels of one radius "
-                "on one ground are at one height"
-            )
 
 
 def _names(given: OmnidirectionalParameters) -> list[str]:

@@ -41,11 +41,22 @@ class Site(NamedTuple):
     """What relative paths in the description start from."""
 
 
+class Arm(NamedTuple):
+    """All joints that are not the platform's: those with a motor, and those that follow them."""
+
+    joints: Index
+    """Where they are in q, increasing."""
+    column: Index
+    """The number of the entry of y' that moves each."""
+    ratio: Vector
+    """Its rate over that: 1 for a joint with a motor."""
+
+
 class Motion(NamedTuple):
     """A platform's part of a robot's kinematics, see :class:`mobman.model.dynamics.Buffers`."""
 
     platform_index: Index
-    arm_index: Index
+    arm: Arm
     q: Vector
     z: Vector
     x: Vector
@@ -105,13 +116,20 @@ class Platform(ABC):
     """Direction of the platform frame's x axis in the root link's frame, about z (rad)."""
     base_joints: tuple[str, ...] = BASE_JOINTS
     """The joints that move the platform: :data:`BASE_JOINTS`, or none."""
+    virtual_joints: tuple[str, ...] = ()
+    """Coordinates that describe how the platform moves and that no joint of the URDF has. They become
+    joints without mass behind the root link, which turn about its z axis."""
+    following: tuple[str, ...] = ()
+    """Coordinates that others determine, see :meth:`consistent`. The posture criterion leaves them to
+    those unless it gives them weights."""
     wheels: tuple[Wheel, ...] = ()
     """The wheels among the coordinates."""
     inferred: tuple[str, ...] = ()
     """The fields of ``[platform]`` that ``mobman robots add`` is to find in a URDF for a type of the
     user's own: of ``heading``, ``right_wheel`` and ``left_wheel`` (or both with ``rear_`` in front),
-    ``right_wheels`` and ``left_wheels``, ``wheels``, ``kind``, ``steering``, ``front_wheels``, ``axle``,
-    ``height``, ``wheel_radius``. Without any, ``--platform`` does not offer the type."""
+    ``right_wheels`` and ``left_wheels``, ``wheels``, ``kind``, ``steering``, ``front_wheels``,
+    ``turret``, ``axle``, ``centre``, ``height``, ``wheel_radius``. Without any, ``--platform`` does not
+    offer the type."""
 
     @classmethod
     @abstractmethod
@@ -144,6 +162,14 @@ class Platform(ABC):
     @abstractmethod
     def equations(self) -> Equations:
         """A and N, and their derivatives."""
+
+    def consistent(self, x: Array) -> Array:
+        """x with the coordinates that others determine set accordingly; all are free by default.
+
+        Raises:
+            UsageError: If the others determine none.
+        """
+        return x
 
     def constraint_matrix(self, x: Array) -> Array:
         """A(x), shape (k, l)."""
@@ -214,7 +240,8 @@ def gather(at: Motion) -> None:
 
 @kernel
 def assemble_velocity(at: Motion) -> None:
-    """C = blkdiag(N, I) of (9), q' = C z and C' z, in q's order."""
+    """C = blkdiag(N, I) of (9), q' = C z and C' z, in q's order; what follows has a row of its own in
+    the place of I's."""
     p = at.alpha.shape[0]
     for i in range(at.x.shape[0]):
         row = at.platform_index[i]
@@ -222,9 +249,10 @@ def assemble_velocity(at: Motion) -> None:
         at.C_dot_z[row] = dot(at.N_rate[i], at.alpha)
         for j in range(p):
             at.C[row, j] = at.N[i, j]
-    for j in range(at.arm_index.shape[0]):
-        at.q_dot[at.arm_index[j]] = at.z[p + j]
-        at.C[at.arm_index[j], p + j] = 1.0
+    for j in range(at.arm.joints.shape[0]):
+        row, column = at.arm.joints[j], p + at.arm.column[j]
+        at.q_dot[row] = at.arm.ratio[j] * at.z[column]
+        at.C[row, column] = at.arm.ratio[j]
 
 
 @kernel

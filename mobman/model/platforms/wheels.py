@@ -79,6 +79,46 @@ def wheel_place(site: Site, name: str, field: str, heading: float) -> JointPlace
     return place
 
 
+def carriers(site: Site, place: JointPlace) -> list[str]:
+    """The joints that carry a joint, itself included."""
+    tree = site.tree
+    return [tree.names[i] for i in tree.supports[tree.getJointId(place.joint)] if i]
+
+
+def check_upright(site: Site, places: Sequence[JointPlace], field: str) -> None:
+    """Check that steering joints have vertical axes.
+
+    Raises:
+        SpecError: If one has not.
+    """
+    for place in places:
+        if abs(place.axis[2]) < math.cos(AXIS_TOLERANCE):
+            raise SpecError(
+                f"{site.origin}: field 'platform.{field}': the axis of joint {place.joint!r} is "
+                f"{place.axis.round(3)} in the platform frame; a steering joint's is vertical"
+            )
+
+
+def check_level(site: Site, places: Sequence[JointPlace]) -> None:
+    """Check that the joints of ``platform.wheels`` have horizontal axes at one height.
+
+    Raises:
+        SpecError: If one has not.
+    """
+    for place in places:
+        if abs(place.axis[2]) > AXIS_TOLERANCE:
+            raise SpecError(
+                f"{site.origin}: field 'platform.wheels': the axis of joint {place.joint!r} is "
+                f"{place.axis.round(3)} in the platform frame; a wheel's is horizontal"
+            )
+        if abs(place.centre[2] - places[0].centre[2]) > LENGTH_TOLERANCE:
+            raise SpecError(
+                f"{site.origin}: field 'platform.wheels': {places[0].joint!r} and {place.joint!r} are "
+                f"at heights {places[0].centre[2]:.4f} and {place.centre[2]:.4f}; wheels of one radius "
+                "on one ground are at one height"
+            )
+
+
 def sides(
     site: Site, right: Sequence[JointPlace], left: Sequence[JointPlace]
 ) -> tuple[Array, float]:

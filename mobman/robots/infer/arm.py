@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ from mobman.robots.infer.findings import (
     common,
     says,
 )
-from mobman.robots.infer.kinematics import Chain, Joint, Tree
+from mobman.robots.infer.kinematics import Chain, Joint, Tree, followed, followers
 from mobman.robots.spec import Coupling, CriterionSource
 
 _SHORT = 0.15  # m; a branch at the end of an arm that reaches no further is a finger
@@ -48,7 +48,8 @@ class Arm:
     """A serial chain and the frame at its end.
 
     Attributes:
-        joints: From the root to the tip, mimic joints and fingers left out.
+        joints: From the root to the tip, without fingers, and what mimic joints there follow in the
+            place of these.
         own: How many of them no other arm shares.
         tip: Link whose origin is the end-effector, and why.
         reach: Length of the chain from its first own joint to the tip (m), prismatic joints extended.
@@ -85,8 +86,15 @@ class Branches:
         return own or [arm for arm in chains if len(arm.joints) >= _ARM] or chains
 
     def chain(self, link: str) -> tuple[Joint, ...]:
-        """The joints that move a link, fingers and mimic joints left out."""
-        return tuple(joint for joint in self._tree.chain(link) if joint in self._moving)
+        """The joints that move a link without fingers, and for mimic joints those that they follow."""
+        tree = self._tree
+        on_the_way = (tree.joint(followed(tree, joint).joint) for joint in tree.chain(link))
+        return tuple(dict.fromkeys(j for j in on_the_way if j is not None and j in self._moving))
+
+    def _follows(self, joint: Joint) -> bool:
+        """True for a mimic joint of an arm."""
+        master = self._tree.joint(followed(self._tree, joint).joint) if joint.follows else None
+        return master in self._moving and joint.name not in self.fingers
 
     def heads(self) -> list[Joint]:
         """Joints that belong to heads only."""
@@ -108,7 +116,10 @@ class Branches:
         """The best frame on the last link of a chain."""
         tree = self._tree
         body = tree.rigid(end.child)
-        palms = [joint.parent for joint in tree.next_joints(end.child)]
+        # a levelled wrist, the stages of a telescope
+        while following := [j for j in tree.next_joints(body[0]) if self._follows(j)]:
+            body = tree.rigid(following[0].child)
+        palms = [joint.parent for joint in tree.next_joints(body[0])]
         frames = [name for name in body if not says(NO_TIP, name)] or body
         for pattern, what in TIPS:
             if common(pattern, tree.links):
@@ -177,10 +188,20 @@ class Branches:
 
 
 def reach(tree: Tree, joints: Sequence[Joint], tip: str) -> float:
-    """Length of a chain from its first joint to a link (m), prismatic joints extended."""
+    """Length of a chain from its first joint to a link (m), prismatic joints extended, those that
+    follow others as far as these take them."""
     places = [joint.centre for joint in joints] + [tree.position[tip]]
     length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(places))
-    return length + sum(joint.width for joint in joints if joint.prismatic and joint.width < 10.0)
+    on_the_way = tree.chain(tip)
+    slides = [j for j in (*joints, *followers(tree, joints)) if j.prismatic]
+    for joint in slides:
+        law = followed(tree, joint)
+        master = next((j for j in joints if j.name == law.joint), joint)
+        way = min(
+            joint.width, abs(law.multiplier) * master.width if master is not joint else math.inf
+        )
+        length += way * (way < 10.0 and (joint in joints or joint in on_the_way))
+    return length
 
 
 def choose_arm(tree: Tree, branches: Branches, tip: str | None) -> Arm:
@@ -240,7 +261,8 @@ def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
     and well above the ground; joints that matter little are at zero, or in the middle of their range.
     """
     joints = chain.joints
-    low, high = np.array([_range(joint) for joint in joints]).T
+    limits = chain.limits()
+    low, high = np.array([_range(*one) for one in zip(joints, *limits.T, strict=True)]).T
     random = np.random.default_rng(_SEED)
     score = _Score(chain, around, low, high, random)
     q = low + (high - low) * random.random((_SAMPLES, len(joints)))
@@ -251,16 +273,16 @@ def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
         best = near[np.argmax(score(near))]
     best = _simplified(best, joints, score, low, high)
     return {
-        joint.name: _rounded(float(value), joint, (joint.lower, joint.upper))
-        for joint, value in zip(joints, best, strict=True)
+        joint.name: _rounded(float(value), joint, (float(lower), float(upper)))
+        for joint, value, (lower, upper) in zip(joints, best, limits, strict=True)
     }
 
 
-def _range(joint: Joint) -> tuple[float, float]:
-    """The positions in which a joint may rest (m, rad)."""
-    if joint.endless or not math.isfinite(joint.width):
+def _range(joint: Joint, lower: float, upper: float) -> tuple[float, float]:
+    """The positions in which a joint with these limits may rest (m, rad)."""
+    if joint.endless or not math.isfinite(upper - lower):
         return -_ENDLESS, _ENDLESS
-    middle, half = 0.5 * (joint.lower + joint.upper), 0.5 * joint.width
+    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     half *= _INSIDE
     low, high = middle - half, middle + half
     if not joint.prismatic:  # several turns are no more use than one
@@ -278,9 +300,10 @@ class _Score:
         self._middle, self._half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 1e-9)
         sliding = [joint.prismatic for joint in chain.joints]
         self._scale = np.where(sliding, self._half, np.minimum(_LEVER, self._half))
-        centres, axes, tip = chain.places(low + (high - low) * random.random((200, len(low))))
-        jacobian = chain.jacobian(centres, axes, tip) * self._scale
-        values = np.linalg.svd(jacobian, compute_uv=False)
+        centres, _, tip, jacobian = chain.places(
+            low + (high - low) * random.random((200, len(low)))
+        )
+        values = np.linalg.svd(jacobian * self._scale, compute_uv=False)
         self._size = float(np.max(np.linalg.norm(tip - centres[:, 0], axis=1))) or 1.0
         self._rank = max(int(np.sum(values > _RANK * self._size, axis=1).max()), 1)
         # joints that start in the body, such as a lift's, cannot but be there
@@ -290,8 +313,8 @@ class _Score:
             self._outside[:-1] = ~((middle > around.box[0]) & (middle < around.box[1])).all(axis=1)
 
     def __call__(self, q: Array) -> Array:
-        centres, axes, tip = self._chain.places(q)
-        jacobian = self._chain.jacobian(centres, axes, tip) * self._scale / self._size
+        centres, _, tip, jacobian = self._chain.places(q)
+        jacobian = jacobian * self._scale / self._size
         values = np.linalg.svd(jacobian, compute_uv=False)[:, self._rank - 1]
         if self._rank < 3:  # the platform does not move the tip up: what is left must
             values = values * np.minimum(np.linalg.norm(jacobian[:, 2], axis=1), 1.0)
@@ -347,23 +370,23 @@ def _rounded(
     return rounded + 0.0 if inside else min(max(value, limits[0]), limits[1])
 
 
-def steering_couplings(steering: Sequence[Joint], chain: Chain, rest: Array) -> list[Coupling]:
-    """Couplings that let all joints that steer follow a yaw of the arm at rest; none if it has no yaw.
+def steering_couplings(steering: Mapping[str, float], chain: Chain, rest: Array) -> list[Coupling]:
+    """Couplings that let all that steers follow a yaw of the arm at rest; none if it has no yaw.
 
-    The ratio is +1 where both turn to the left with positive angles, or both to the right; else -1.
+    Args:
+        steering: Coordinates: 1.0 where positive angles turn to the left, else -1.0.
+        chain: The arm.
+        rest: Its posture, shape (n,).
     """
-    centres, axes, tip = (values[0] for values in chain.places(rest[None]))
+    centres, axes, tip, _ = (values[0] for values in chain.places(rest[None]))
     weight = CriterionSource().default
     for joint, centre, axis in zip(chain.joints, centres, axes, strict=True):
         yaws = not joint.prismatic and abs(axis[2]) >= _UPRIGHT
         if yaws and np.linalg.norm(tip[:2] - centre[:2]) >= _LEVER_ARM:
             return [
                 Coupling(
-                    joint=wheel.name,
-                    to=joint.name,
-                    ratio=float(np.sign(wheel.axis[2] * axis[2])),
-                    weight=weight,
+                    joint=name, to=joint.name, ratio=sign * float(np.sign(axis[2])), weight=weight
                 )
-                for wheel in steering
+                for name, sign in steering.items()
             ]
     return []

@@ -85,21 +85,30 @@ def _named(tree: Tree, options: Options, ignored: set[str]) -> Drive:
         )
     if wheels and right:
         raise Undecided(
-            "--wheel is for omnidirectional platforms; leave out --right-wheel or --wheel"
+            "--wheel is for omnidirectional and swerve platforms; leave out --right-wheel or --wheel"
         )
     steering = _steering_joints(tree, [], options)
     count = "differential" if len(right) == 1 else "skid-steer"
-    kind = options.platform or ("omnidirectional" if wheels else "car-like" if steering else count)
+    sliding = "swerve" if steering else "omnidirectional"
+    kind = options.platform or (sliding if wheels else "car-like" if steering else count)
     fields = options.fields(kind)
+    if {"wheels", "steering"} <= set(fields):
+        return _swerve(tree, kind, wheels or [*right, *left], options)
     if "wheels" in fields:
         return _omnidirectional(kind, wheels or [*right, *left], "")
     if wheels:
         raise Undecided(
-            f"--wheel is for --platform omnidirectional; {kind}: --right-wheel, --left-wheel"
+            f"--wheel is for --platform omnidirectional or swerve; {kind}: --right-wheel, --left-wheel"
         )
     if {"right_wheel", "rear_right_wheel"} & set(fields) and len(right) != 1:
         raise Undecided(f"{kind}: give one --right-wheel and one --left-wheel")
     drive = Drive(Inferred(kind, "as asked for"), right, left, steering=steering)
+    if "turret" in fields:
+        drive.turret = _turret(right[0], left[0])
+        if drive.turret is None:
+            raise Undecided(
+                f"{kind}: no joint about the vertical carries both {right[0].name} and {left[0].name}"
+            )
     if "steering" in fields:
         if not steering:
             raise Undecided(f"{kind}: name --steering; candidates: {names_of(tree.movable)}")
@@ -121,7 +130,13 @@ def _recognised(tree: Tree, wheels: list[Rolling], options: Options, hint: str) 
     """The platform that the wheels make."""
     driven, turrets = _driven_wheels(wheels)
     asked = options.platform
-    sliding = asked is not None and "wheels" in options.fields(asked)
+    asked_for = options.fields(asked) if asked is not None else ()
+    sliding = "wheels" in asked_for
+    modules = [w for w in wheels if _is_module(w)]
+    if (sliding and "steering" in asked_for) or (
+        asked is None and len({w.turning for w in modules}) >= 2 and not pairs_of(driven)
+    ):
+        return _swerve(tree, asked or "swerve", modules, options)
     steered = [w for w in wheels if w.steering is not None and w not in driven]
     if sliding and len(driven) < 3:
         driven = _one_each(wheels)
@@ -129,8 +144,22 @@ def _recognised(tree: Tree, wheels: list[Rolling], options: Options, hint: str) 
     crooked = len(driven) >= 3 and not _all_parallel(driven)
     if sliding or (asked is None and crooked):
         return _omnidirectional(asked or "omnidirectional", driven, hint)
+    if asked is None and not wheels and hint:
+        why = f"the URDF says {hint}, and has no wheel joints"
+        return Drive(
+            Inferred("planar", why),
+            uncertain=[f"the base is taken as planar, without wheels: {why}"],
+        )
     if asked is None and not pairs:
         raise Undecided(_no_platform(tree, wheels))
+    if len(pairs) == 1 and ("turret" in asked_for or (asked is None and turrets)):
+        turret = _turret(*pairs[0])
+        if turret is not None and (asked or _ahead(turret, *pairs[0]) > SAME_PLACE):
+            why = "a joint about the vertical carries both driven wheels"
+            (one, other), kind = pairs[0], Inferred(asked or "turret", why)
+            return Drive(kind, [one], [other], turret=turret)
+        if asked:
+            raise Undecided(f"{asked}: no joint about the vertical carries a pair of driven wheels")
     drive = _of_pairs(tree, pairs, steered, options, hint)
     if turrets:
         drive.locks.append(Lock(turrets, "turns the driven wheels; straight ahead here"))
@@ -203,15 +232,15 @@ def _no_platform(tree: Tree, wheels: list[Rolling]) -> str:
             naming = ", or name --right-wheel and --left-wheel of a pair that drives straight ahead"
         return (
             f"all wheels ({', '.join(w.name for w in turned)}) swivel or steer ({', '.join(joints)}), "
-            f"which no platform type models as such; choose {sliding}--platform unicycle (wheels "
-            f"straight ahead){naming}"
+            f"which no platform type models as such; choose {sliding}--platform planar (it moves in "
+            f"every direction, without wheels), --platform unicycle (wheels straight ahead){naming}"
         )
     fixed = [joint.name for joint in tree.joints if not joint.movable and says(WHEEL, joint.name)]
     still = f" (the URDF has its wheels fixed: {', '.join(fixed[:6])})" if fixed else ""
     return (
-        f"no driven wheels were found{still}; {what_to_name(tree)}, or choose --platform unicycle (it "
-        "moves along its heading and turns, without wheels) or --platform fixed (an arm that stands on "
-        "the ground)"
+        f"no driven wheels were found{still}; {what_to_name(tree)}, or choose --platform planar (it "
+        "moves in every direction, without wheels), --platform unicycle (along its heading only) or "
+        "--platform fixed (an arm that stands on the ground)"
     )
 
 
@@ -267,6 +296,17 @@ def _around(swivel: Joint, one: Rolling, other: Rolling) -> bool:
     return off < _BETWEEN and float(np.linalg.norm(track)) > 2.0 * (one.radius or 0.0)
 
 
+def _turret(one: Rolling, other: Rolling) -> Joint | None:
+    """The joint about the vertical that carries both wheels."""
+    return one.turning if one.turning is not None and one.turning is other.turning else None
+
+
+def _ahead(turret: Joint, one: Rolling, other: Rolling) -> float:
+    """Distance of a turret's axis from the line of its wheels' axles (m)."""
+    apart = turret.centre - 0.5 * (one.joint.centre + other.joint.centre)
+    return abs(float(apart[:2] @ one.ahead))
+
+
 def _all_parallel(wheels: Sequence[Rolling]) -> bool:
     return all(wheels[0].parallel(w) for w in wheels)
 
@@ -289,6 +329,28 @@ def _omnidirectional(name: str, driven: list[Rolling], hint: str) -> Drive:
             f"{kind.value} wheels"
         )
     return drive
+
+
+def _is_module(wheel: Rolling) -> bool:
+    """True if a wheel is steered about an axis beside it: what trails is a caster."""
+    if wheel.turning is None:
+        return False
+    apart = (wheel.joint.centre - wheel.turning.centre)[:2]
+    return abs(float(apart @ wheel.ahead)) < SAME_PLACE
+
+
+def _swerve(tree: Tree, name: str, wheels: list[Rolling], options: Options) -> Drive:
+    """A platform of modules that are steered and driven."""
+    steering = _steering_joints(tree, [], options)
+    steering = steering or list(dict.fromkeys(w.turning for w in wheels if w.turning is not None))
+    if len(steering) < 2 or not wheels:
+        raise Undecided(
+            f"a {name} platform has two steered modules or more; found "
+            f"{', '.join(w.name for w in wheels) or 'no wheels'} and {names_of(steering)}: name them by "
+            "--wheel and --steering (once for each)"
+        )
+    why = f"{len(steering)} joints about the vertical carry wheels beside their axes"
+    return Drive(Inferred(name, why), wheels=wheels, steering=steering)
 
 
 def _mecanum_fits(wheels: list[Rolling]) -> bool:
@@ -341,7 +403,7 @@ def _orient(tree: Tree, drive: Drive, wheels: list[Rolling], options: Options, a
     driven = drive.driven
     if options.heading is not None:
         drive.forward = Forward(float(options.heading), "as asked for")
-    elif drive.steering and driven:
+    elif drive.steering and drive.right:
         axle = np.mean([w.joint.centre[:2] for w in driven], axis=0)
         steered = np.mean([joint.centre[:2] for joint in drive.steering], axis=0)
         ahead = driven[0].ahead * np.sign((steered - axle) @ driven[0].ahead)
@@ -369,7 +431,11 @@ def _orient(tree: Tree, drive: Drive, wheels: list[Rolling], options: Options, a
         drive.right, drive.left = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
     if not options.wheels:
         drive.wheels.sort(key=lambda w: (-round(to_the_front(w) / SAME_PLACE), -to_the_left(w)))
-    drive.steering.sort(key=lambda joint: float(joint.centre[:2] @ drive.forward.left))
+    if drive.wheels:  # of a swerve platform
+        order = {w.turning: i for i, w in enumerate(drive.wheels)}
+        drive.steering.sort(key=lambda joint: order.get(joint, len(order)))
+    else:
+        drive.steering.sort(key=lambda joint: float(joint.centre[:2] @ drive.forward.left))
     drive.front.sort(key=to_the_left)
 
 

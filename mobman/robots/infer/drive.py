@@ -57,6 +57,7 @@ class Drive:
         kind: Of its wheels: ``"mecanum"`` or ``"omni"``.
         steering: Joints that steer, right first.
         front: Wheels that they steer, right first.
+        turret: The joint between the body and the carriage that the wheels are on.
         forward: Where forward is.
         coordinates: Whether wheels are coordinates of the type; else they only say where the axle is.
         locks: Casters, suspensions, ... and why they do not move.
@@ -70,6 +71,7 @@ class Drive:
     kind: Inferred = OMNI
     steering: list[Joint] = field(default_factory=list)
     front: list[Rolling] = field(default_factory=list)
+    turret: Joint | None = None
     forward: Forward = _AHEAD
     coordinates: bool = True
     locks: list[Lock] = field(default_factory=list)
@@ -87,7 +89,8 @@ class Drive:
     @property
     def own(self) -> set[str]:
         """Names of the joints that are coordinates of the platform."""
-        return {w.name for w in self.rolling} | {joint.name for joint in self.steering}
+        turning = [*self.steering, *([self.turret] if self.turret is not None else [])]
+        return {w.name for w in self.rolling} | {joint.name for joint in turning}
 
     @property
     def half_track(self) -> float | None:

@@ -16,7 +16,10 @@ TYPES: dict[str, tuple[str, ...]] = {
     "car-like": (
         "heading", "rear_right_wheel", "rear_left_wheel", "steering", "front_wheels", "wheel_radius",
     ),
+    "swerve": ("heading", "steering", "wheels", "wheel_radius"),
+    "turret": ("heading", "turret", "right_wheel", "left_wheel", "wheel_radius"),
     "unicycle": ("heading", "axle", "height"),
+    "planar": ("heading", "centre", "height"),
     "fixed": (),
 }  # fmt: skip
 """Platform types that wheels are recognised as, or that need none, and the fields that are found."""

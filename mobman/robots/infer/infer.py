@@ -37,6 +37,7 @@ from mobman.robots.infer.kinematics import (
     Chain,
     Joint,
     Tree,
+    followers,
     held,
     lost_to_mimics,
     virtual_joints,
@@ -48,9 +49,11 @@ from mobman.robots.infer.wheels import (
     settle_radius,
 )
 from mobman.robots.spec import Coupling, CriterionSource
+from mobman.robots.urdf.compose import TRAVEL_JOINTS
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, bounds
 
+_NO_DIRECTION = 0.001  # weight of a swerve platform's direction of travel
 _LONG = 1.0  # m; an arm of this reach moves its tip by a metre a radian
 
 
@@ -65,6 +68,7 @@ class Inference:
         platform: The platform and its wheels.
         fields: The fields of ``[platform]`` in addition to its type.
         arm: The chain to the tip.
+        following: Names of the mimic joints that follow joints of it.
         locks: What does not move, and why.
         rest: Positions of joints that do not rest at zero (m, rad), and why.
         weights: Of the posture criterion, where they are not the default.
@@ -78,6 +82,7 @@ class Inference:
     platform: Drive
     fields: dict[str, Inferred]
     arm: Arm
+    following: tuple[str, ...]
     locks: tuple[Lock, ...]
     rest: dict[str, Inferred]
     weights: dict[str, Inferred]
@@ -96,6 +101,7 @@ class Inference:
             "heading": drive.forward.heading,
             "tip": self.arm.tip.value,
             "arm_joints": [joint.name for joint in self.arm.joints],
+            "following": list(self.following),
             "locked": [joint for lock in self.locks for joint in lock.joints],
             "rest": {joint: value.value for joint, value in self.rest.items()},
         }
@@ -142,22 +148,26 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         questions.append(str(error))
     if questions or drive is None or arm is None:
         raise Undecided(f"{urdf.path}: {'; and '.join(questions)}")
-    locks = _locks(tree, virtual, drive, branches, arm, locked_by_user)
+    free = _free_followers(tree, branches, arm, drive.own | set(locked_by_user))
+    locks = _locks(tree, virtual, drive, branches, arm, locked_by_user, free)
     ground = _ground(tree, drive, radius)
     if virtual:
         uncertain.append(
             f"the virtual joints {', '.join(j.name for j in virtual)} in front of the base are locked: "
             "the platform takes their place"
         )
-    uncertain += lost_to_mimics(tree, arm.tip.value, taken)
+    uncertain += lost_to_mimics(tree, arm.tip.value, taken | free)
     around = Surroundings(float(ground.value), drive.forward.direction, _box(tree))
-    still = {joint.name for joint in tree.movable if joint not in arm.joints} - drive.own
+    still = {joint.name for joint in tree.movable if joint not in arm.joints} - drive.own - free
     rest = _rest(tree, arm, still, around)
     couplings: list[Coupling] = []
     if drive.steering:
         chain = Chain(tree, arm.joints, arm.tip.value, rest)
         posture = np.array([float(rest[joint.name].value) for joint in arm.joints])
-        couplings = steering_couplings(drive.steering, chain, posture)
+        turning = {joint.name: float(np.sign(joint.axis[2])) for joint in drive.steering}
+        if drive.wheels:  # a swerve platform's joints follow its direction of travel
+            turning = {TRAVEL_JOINTS[0]: 1.0}
+        couplings = steering_couplings(turning, chain, posture)
         if not couplings:
             uncertain.append(
                 "no joint of the arm turns it about the vertical, so that nothing says where to steer: "
@@ -171,6 +181,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         platform=drive,
         fields=_fields(drive, radius, ground, options.fields(drive.type.value)),
         arm=arm,
+        following=tuple(joint.name for joint in tree.movable if joint.name in free),
         locks=tuple(locks),
         rest=rest,
         weights=_weights(drive, radius, arm),
@@ -203,6 +214,12 @@ def _matching(tree: Tree, wanted: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for names in found.values() for name in names))
 
 
+def _free_followers(tree: Tree, branches: Branches, arm: Arm, taken: set[str]) -> set[str]:
+    """The mimic joints that follow the arm's and are no fingers: they are modelled."""
+    names = {joint.name for joint in followers(tree, arm.joints)}
+    return names - branches.fingers - taken
+
+
 def _locks(
     tree: Tree,
     virtual: Sequence[Joint],
@@ -210,6 +227,7 @@ def _locks(
     branches: Branches,
     arm: Arm,
     by_user: Sequence[str],
+    free: set[str],
 ) -> list[Lock]:
     """Everything that is neither the platform's nor on the way to the tip."""
     if own := [name for name in by_user if name in drive.own]:
@@ -218,12 +236,15 @@ def _locks(
     others = [j.name for other in branches.arms() if other.tip != arm.tip for j in other.joints]
     movable = [joint.name for joint in tree.movable]
     return lock_once(
-        {joint.name for joint in arm.joints} | drive.own,
+        {joint.name for joint in arm.joints} | drive.own | free,
         ([joint.name for joint in virtual], "virtual joints in front of the base"),
         *((lock.joints, lock.why) for lock in drive.locks),
         (by_user, "as asked for"),
         ([name for name in movable if name in branches.fingers], "fingers"),
-        ([joint.name for joint in tree.movable if joint.follows], "follow other joints (mimic)"),
+        (
+            [joint.name for joint in tree.movable if joint.follows],
+            "follow joints (mimic) that do not move",
+        ),
         ([joint.name for joint in branches.heads()], "head"),
         (others, "another arm; without this it is free and holds its rest posture"),
         (movable, "not between the platform and the tip"),
@@ -257,8 +278,10 @@ def _fields(
         "wheels": Inferred(wheels),
         "kind": drive.kind,
         "steering": Inferred([joint.name for joint in drive.steering]),
+        "turret": None if drive.turret is None else Inferred(drive.turret.name),
         "front_wheels": Inferred(front) if front else None,
         "axle": Inferred(where, f"{what}, where it does not slip sideways"),
+        "centre": Inferred(where, f"{what}, on which the commands act"),
         "height": Inferred(round(-ground.value, 5) + 0.0, f"ground: {ground.why}"),
         "wheel_radius": radius,
     }
@@ -295,6 +318,9 @@ def _weights(drive: Drive, radius: Inferred | None, arm: Arm) -> dict[str, Infer
         weight = float(f"{default * (radius.value * share) ** 2:.2g}")
         why = f"default * (wheel_radius * {share:.2g} / m)^2: by the metres that it rolls"
         found = {w.name: Inferred(weight, why) for w in drive.rolling}
+    if drive.wheels and drive.steering:
+        why = "small: the direction of travel follows the arm, and none is preferred"
+        found[TRAVEL_JOINTS[0]] = Inferred(_NO_DIRECTION, why)
     for joint in arm.joints:
         if joint.prismatic and 0.0 < joint.width < math.inf:
             why = f"default / ({joint.width:.3g} m)^2: its way"

@@ -231,17 +231,38 @@ def virtual_joints(tree: Tree) -> list[Joint]:
     return found if len({joint.prismatic for joint in found}) == 2 else []
 
 
+def followed(tree: Tree, joint: Joint) -> Follows:
+    """The joint that one follows at last, through those in between: itself if it follows none."""
+    law, seen = Follows(joint.name, 1.0, 0.0), {joint.name}
+    while (at := tree.joint(law.joint)) is not None and (own := at.follows) is not None:
+        offset = law.offset + law.multiplier * own.offset
+        law = Follows(own.joint, law.multiplier * own.multiplier, offset)
+        if own.joint in seen:
+            break  # in a circle
+        seen.add(own.joint)
+    return law
+
+
+def followers(tree: Tree, joints: Iterable[Joint]) -> list[Joint]:
+    """The mimic joints that follow some of these, in the file's order."""
+    names = {joint.name for joint in joints}
+    mimics = [joint for joint in tree.movable if joint.follows and joint.name not in names]
+    return [joint for joint in mimics if followed(tree, joint).joint in names]
+
+
 class Chain:
     """Kinematics of the joints that move a tip, in order, for many postures at once.
 
-    The others are where ``held`` says (m, rad), or at zero.
+    Mimic joints follow them. The others are where ``held`` says (m, rad), or at zero.
     """
 
     def __init__(
         self, tree: Tree, joints: Sequence[Joint], tip: str, held: Mapping[str, Inferred]
     ) -> None:
         self.joints = tuple(joints)
-        q, own = np.zeros(tree.model.nq), {joint.name for joint in joints}
+        self._tree, self._followers = tree, followers(tree, joints)
+        every = [*joints, *self._followers]
+        q, own = np.zeros(tree.model.nq), {joint.name for joint in every}
         for name, at in held.items():
             q[tree.model.joints[tree.model.getJointId(name)].idx_q] = float(at.value)
         others = [i for i, name in enumerate(tree.model.names) if i and name not in own]
@@ -249,28 +270,49 @@ class Chain:
         self._data = self._model.createData()
         self._tip = frame_of(self._model, tip)
         self._sliding = np.array([joint.prismatic for joint in joints])[:, None]
+        index = [int(self._model.joints[self._model.getJointId(one.name)].idx_q) for one in every]
+        self._own, names = index[: len(joints)], [joint.name for joint in joints]
+        self._laws, self._offsets = np.zeros((len(every), len(joints))), np.zeros(len(every))
+        for i, joint in zip(index, every, strict=True):  # all positions from those of the joints
+            law = (
+                followed(tree, joint) if joint.name not in names else Follows(joint.name, 1.0, 0.0)
+            )
+            self._laws[i, names.index(law.joint)] = law.multiplier
+            self._offsets[i] = law.offset
+        carrying = self._model.supports[self._model.frames[self._tip].parentJoint]
+        self._moving = self._laws * np.isin(np.arange(len(every)) + 1, list(carrying))[:, None]
 
-    def places(self, q: Array) -> tuple[Array, Array, Array]:
+    def limits(self) -> Array:
+        """Limits of the joints (m, rad) within which those that follow them keep theirs, (n, 2)."""
+        bounds = np.array([[joint.lower, joint.upper] for joint in self.joints])
+        for joint in self._followers:
+            law = followed(self._tree, joint)
+            i = [one.name for one in self.joints].index(law.joint)
+            if law.multiplier:
+                ends = (np.array([joint.lower, joint.upper]) - law.offset) / law.multiplier
+                within = np.clip(np.sort(ends), *bounds[i])
+                bounds[i] = within if within[0] < within[1] else bounds[i]
+        return bounds
+
+    def places(self, q: Array) -> tuple[Array, Array, Array, Array]:
         """Places for postures q (m, rad), shape (m, n), in the root's frame (m).
 
         Returns:
             Origins of the joints (of slides: where they start), shape (m, n, 3); their axes, shape
-            (m, n, 3); the tip, shape (m, 3).
+            (m, n, 3); the tip, shape (m, 3); its linear Jacobian (m/m, m/rad), shape (m, 3, n).
         """
         model, data = self._model, self._data
         centres, axes = np.empty((2, *q.shape, 3))
-        tip = np.empty((len(q), 3))
+        tip, moved = np.empty((len(q), 3)), np.empty((len(q), 3, q.shape[1]))
         for k, posture in enumerate(q):
-            jacobian = np.reshape(pin.computeJointJacobians(model, data, posture), (6, -1)).T
-            axes[k] = np.where(self._sliding, jacobian[:, :3], jacobian[:, 3:])
-            centres[k] = [data.oMi[i].translation for i in range(1, model.njoints)]
+            at = self._laws @ posture + self._offsets
+            jacobian = np.reshape(pin.computeJointJacobians(model, data, at), (6, -1)).T
+            own = jacobian[self._own]
+            axes[k] = np.where(self._sliding, own[:, :3], own[:, 3:])
+            centres[k] = [data.oMi[i + 1].translation for i in self._own]
             tip[k] = pin.updateFramePlacement(model, data, self._tip).translation
-        return centres - np.where(self._sliding, axes * q[:, :, None], 0.0), axes, tip
-
-    def jacobian(self, centres: Array, axes: Array, tip: Array) -> Array:
-        """The tip's linear Jacobian for each posture of :meth:`places` (m/m, m/rad), (m, 3, n)."""
-        columns = np.where(self._sliding, axes, np.cross(axes, tip[:, None] - centres))
-        return np.array(columns.transpose(0, 2, 1))
+            moved[k] = (jacobian[:, :3] + np.cross(jacobian[:, 3:], tip[k])).T @ self._moving
+        return centres - np.where(self._sliding, axes * q[:, :, None], 0.0), axes, tip, moved
 
 
 def held(tree: Tree, names: Iterable[str], rest: Mapping[str, float]) -> dict[str, Inferred]:
@@ -298,7 +340,10 @@ def _held_at(tree: Tree, joint: Joint, rest: Mapping[str, float], seen: frozense
 
 
 def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:
-    """Messages about the motion that is lost since mimic joints on the way to a tip are held."""
+    """Messages about the motion that is lost since mimic joints on the way to a tip are held.
+
+    The ignored ones are not held.
+    """
     groups: dict[str, list[tuple[Joint, float]]] = {}
     for joint in tree.chain(tip):
         if (follows := joint.follows) is not None and joint.name not in ignored:
@@ -317,8 +362,8 @@ def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:
             parts.append("turns without limits" if endless else f"{turns:.3g} rad of turning")
         follow, they = ("follows", "it is") if len(found) == 1 else ("follow", "they are")
         said.append(
-            f"{names_of(joint for joint, _ in found)} {follow} {name} by <mimic>, which is not "
-            f"modelled: {they} held, which takes "
+            f"{names_of(joint for joint, _ in found)} {follow} {name} by <mimic>, which does not move: "
+            f"{they} held, which takes "
             + (" and ".join(parts) or "nothing, as their limits leave no way")
         )
     return said

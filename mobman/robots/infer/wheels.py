@@ -74,6 +74,11 @@ class Rolling:
         return None if said is None else float(said.value)
 
     @property
+    def turning(self) -> Joint | None:
+        """The joint that turns it about the vertical."""
+        return self.swivel or self.steering
+
+    @property
     def joints(self) -> list[Joint]:
         """All joints about it."""
         turning = [j for j in (self.swivel, self.steering) if j is not None]

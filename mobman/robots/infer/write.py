@@ -122,11 +122,13 @@ def robot_toml(found: Inference, name: str, source: UrdfSource) -> str:
     platform = _table(toml, "platform", {"type": drive.type, **found.fields})
     if drive.rolling and (half := drive.half_track) is not None:
         _say(platform, f"half_track: half the distance of the wheels' centres is {half:.4f} m")
-    if drive.steering and drive.centre is not None:
+    if drive.steering and drive.right and drive.centre is not None:
         ahead = drive.steering[0].centre[:2] - drive.centre[:2]
         base = float(ahead @ drive.forward.direction)
         _say(platform, f"wheelbase: the steering is {base:.4f} m ahead of the rear axle")
-    _table(toml, "arm", {"tip": arm.tip}, beside=f"{joints}, reach {arm.reach:.2f} m")
+    tool = _table(toml, "arm", {"tip": arm.tip}, beside=f"{joints}, reach {arm.reach:.2f} m")
+    if found.following:
+        _say(tool, f"{', '.join(found.following)}: without a motor, as the URDF says by <mimic>")
     _table(toml, "rest", found.rest, _REST)
     weights = {
         "platform": Inferred(standard.platform, "1/m^2, 1/rad^2"),

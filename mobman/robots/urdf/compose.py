@@ -18,6 +18,8 @@ from mobman.robots.urdf.validate import NUMBERS, numbers, shape_of
 
 BASE_JOINTS = ("base_x", "base_y", "base_theta")
 """The platform's pose: along the world's x and y (m), about its z (rad)."""
+TRAVEL_JOINTS = ("travel_direction", "travel_curvature")
+"""How a swerve platform travels: direction in its own axes (rad), curvature of its path (1/m)."""
 
 _AXES = {"base_x": "1 0 0", "base_y": "0 1 0", "base_theta": "0 0 1"}
 _UNBOUNDED = {"lower": "-1e9", "upper": "1e9"}
@@ -171,6 +173,7 @@ def flat_urdf(
     offset: Array | Sequence[float] = (0.0, 0.0, 0.0),
     heading: float = 0.0,
     base_joints: Sequence[str] = BASE_JOINTS,
+    virtual_joints: Sequence[str] = (),
 ) -> str:
     """A URDF with planar base joints in front of its root, and without two-slot joints.
 
@@ -184,13 +187,15 @@ def flat_urdf(
             reference point on the ground is the frame's origin.
         heading: Direction of the platform's x axis in the root link's frame, about z (rad).
         base_joints: Joints of the base: :data:`BASE_JOINTS`, or none for a base that is fixed.
+        virtual_joints: Coordinates that no joint has: each becomes one about the root link's z axis that
+            carries a link without mass.
 
     Raises:
         SpecError: If it has not exactly one root link, or a joint has a name that is kept.
     """
     for joint in robot.findall("joint"):
         name = joint.get("name")
-        if name in BASE_JOINTS:
+        if name in (*BASE_JOINTS, *virtual_joints):
             raise SpecError(f"{where}: joint {name!r}: this name is kept for the platform's pose")
         if name == _PINOCCHIOS:
             raise SpecError(f"{where}: joint {name!r}: this name is kept by Pinocchio; rename it")
@@ -211,6 +216,11 @@ def flat_urdf(
         ET.SubElement(joint, "axis", xyz=_AXES[name])
         ET.SubElement(joint, "limit", _UNBOUNDED | _UNKNOWN)
         parent = child
+    for name in virtual_joints:
+        ET.SubElement(robot, "link", name=f"{_OWN}{name}")
+        joint = _joint(robot, name, "revolute", root, f"{_OWN}{name}")
+        ET.SubElement(joint, "axis", xyz="0 0 1")
+        ET.SubElement(joint, "limit", _UNBOUNDED | _UNKNOWN)
     turned = (0.0, 0.0, -math.remainder(float(heading), math.tau))
     fixed = _joint(robot, f"{_OWN}root", "fixed", parent, root)
     ET.SubElement(fixed, "origin", xyz=_text(np.asarray(offset)), rpy=_text(turned))

@@ -270,9 +270,17 @@ def urdf_without_masses(robot: GoodRobot) -> None:
     robot.urdf.write_text(text, encoding="utf-8")
 
 
-@case(ROBOT, "left_finger_joint", "<mimic>", "urdf.lock")
-def joint_that_follows_another_and_is_not_locked(robot: GoodRobot) -> None:
+@case(ROBOT, "left_finger_joint", "right_finger_joint", "in a circle", "<mimic>")
+def joints_that_follow_each_other(robot: GoodRobot) -> None:
+    robot.change_toml('lock = ["*_finger_joint"]', "lock = []")
+    axis = '<axis xyz="0 -1 0"/>'
+    robot.change_urdf(axis, f'{axis}<mimic joint="left_finger_joint"/>')
+
+
+@case(ROBOT, "left_finger_joint", "of the platform", "urdf.lock")
+def joint_that_follows_a_wheel(robot: GoodRobot) -> None:
     robot.change_toml('lock = ["*_finger_joint"]', 'lock = ["right_finger_joint"]')
+    robot.change_urdf('<mimic joint="right_finger_joint"', '<mimic joint="right_wheel_joint"')
 
 
 @case(ROBOT, "'base_theta'", "kept")

@@ -8,8 +8,9 @@ from fnmatch import fnmatchcase
 import numpy as np
 import pytest
 from made_urdf import Robot, differential
+from support.differences import jacobian
 
-from mobman.robots.infer.findings import Inferred, Undecided
+from mobman.robots.infer.findings import Undecided
 from mobman.robots.infer.kinematics import Chain, Tree
 from mobman.robots.infer.write import patterns
 
@@ -177,7 +178,8 @@ def test_a_telescoping_arm(inferred):
     assert found.weights["slide_0_joint"].value == pytest.approx(0.05 / 0.13**2, rel=0.05)
 
 
-def test_mimic_joints_are_locked_where_they_are(inferred):
+def test_mimic_joints_that_follow_the_arm_are_free(inferred):
+    """And what they follow rests where they are inside their limits."""
     robot = torso(differential()).link("cover")
     robot.joint(
         "cover_joint",
@@ -189,9 +191,9 @@ def test_mimic_joints_are_locked_where_they_are(inferred):
         mimic="torso_lift",
     )
     found = inferred(robot.arm(parent="torso"))
-    assert "mimic" in reasons(found)["cover_joint"]
-    lift = found.rest["torso_lift"].value
-    assert found.rest["cover_joint"].value == pytest.approx(min(max(lift, 0.1), 0.4))
+    assert found.following == ("cover_joint",)
+    assert "cover_joint" not in reasons(found) | found.rest
+    assert 0.1 < found.rest["torso_lift"].value < 0.4
 
 
 def test_locks_of_the_user_come_on_top(inferred):
@@ -220,11 +222,11 @@ def test_rest_is_inside_the_limits_regular_and_above_the_ground(inferred, tmp_pa
         value = found.rest[joint.name].value
         assert joint.lower + 0.05 * joint.width < value < joint.upper - 0.05 * joint.width
     chain, q = placed(found, tmp_path)
-    values = np.linalg.svd(chain.jacobian(*chain.places(q))[0], compute_uv=False)
+    values = np.linalg.svd(chain.places(q)[3][0], compute_uv=False)
     some = np.random.default_rng(1).uniform(-0.5, 0.5, (200, q.shape[1]))
-    zero = np.linalg.svd(chain.jacobian(*chain.places(0 * q))[0], compute_uv=False)[2]
+    zero = np.linalg.svd(chain.places(0 * q)[3][0], compute_uv=False)[2]
     assert values[2] > max(0.1, zero), some.shape
-    _, _, tip = chain.places(q)
+    _, _, tip, _ = chain.places(q)
     assert tip[0, 2] > 0.2
     assert tip[0, 0] > -0.1
 
@@ -252,9 +254,7 @@ def test_chain_agrees_with_pinocchio(inferred, tmp_path):
     jacobian = pin.computeFrameJacobian(model, data, whole, frame, pin.LOCAL_WORLD_ALIGNED)
     pin.updateFramePlacements(model, data)
     assert chain.places(q[None])[2][0] == pytest.approx(data.oMf[frame].translation, abs=1e-12)
-    assert chain.jacobian(*chain.places(q[None]))[0] == pytest.approx(
-        jacobian[:3, columns], abs=1e-12
-    )
+    assert chain.places(q[None])[3][0] == pytest.approx(jacobian[:3, columns], abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -315,16 +315,34 @@ def following(multiplier, limits=(0.0, 0.3)):
 
 
 @pytest.mark.parametrize(("multiplier", "limits"), [(0.5, (0.0, 0.3)), (3.0, (0.0, 0.1))])
-def test_a_mimic_joint_is_held_where_its_master_takes_it(inferred, multiplier, limits):
-    found = inferred(following(multiplier, limits))
-    master = found.rest["inner_joint"].value
-    assert master > 0.0
-    expected = min(multiplier * master + 0.01, limits[1])
-    assert found.rest["outer_joint"].value == pytest.approx(expected)
+def test_a_telescope_keeps_its_reach(inferred, multiplier, limits):
+    found, stiff = inferred(following(multiplier, limits)), inferred(following(0.0, limits))
+    assert found.following == ("outer_joint",)
+    assert found.uncertain == ()
+    assert 0.0 <= multiplier * found.rest["inner_joint"].value + 0.01 <= limits[1]
+    way = min(0.3 * multiplier, limits[1])
+    assert found.arm.reach == pytest.approx(stiff.arm.reach + way)
+
+
+def test_a_mimic_joint_is_held_where_a_locked_master_takes_it(inferred):
+    found = inferred(following(0.5), lock=("inner_joint",))
+    assert found.rest["outer_joint"].value == pytest.approx(0.01)
     (doubt,) = found.uncertain
-    lost = min(0.3 * multiplier, limits[1])
     assert "outer_joint follows inner_joint by <mimic>" in doubt
-    assert f"takes {lost:.3g} m of reach" in doubt
+    assert "takes 0.15 m of reach" in doubt
+
+
+def test_a_levelled_wrist_keeps_its_tip(inferred):
+    """What is behind a mimic joint at the end of an arm is the arm's, too."""
+    robot = differential().arm(joints=3).link("level").link("tool0")
+    robot.joint(
+        "level_joint", "revolute", "arm_3_link", "level", (0.2, 0, 0), axis="0 1 0",
+        limits=(-2.0, 2.0), mimic={"joint": "arm_3_joint", "multiplier": -1.0},
+    )  # fmt: skip
+    found = inferred(robot.joint("t", "fixed", "level", "tool0", (0.1, 0, 0)))
+    assert found.arm.tip.value == "tool0"
+    assert [joint.name for joint in found.arm.joints] == [f"arm_{i}_joint" for i in (1, 2, 3)]
+    assert found.following == ("level_joint",)
 
 
 def test_mimic_joints_beside_the_arm_take_nothing_of_it(inferred):
@@ -347,17 +365,21 @@ def test_chains_agree_with_pinocchio(inferred):
     import pinocchio as pin
 
     found = inferred(following(0.5))
-    joints, held = found.arm.joints, {"outer_joint": Inferred(0.21)}
-    chain = Chain(Tree(found.urdf.parse(), found.urdf), joints, "tool0", held)
+    joints = found.arm.joints
+    chain = Chain(Tree(found.urdf.parse(), found.urdf), joints, "tool0", {})
     model = pin.buildModelFromUrdf(str(found.urdf.path))
     data, q = model.createData(), pin.neutral(model)
     values = np.random.default_rng(2).uniform(-1.0, 1.0, len(joints))
     names = [joint.name for joint in joints]
-    for name, value in zip([*names, "outer_joint"], [*values, 0.21], strict=True):
+    outer = 0.5 * values[names.index("inner_joint")] + 0.01
+    for name, value in zip([*names, "outer_joint"], [*values, outer], strict=True):
         q[model.joints[model.getJointId(name)].idx_q] = value
     pin.framesForwardKinematics(model, data, q)
     expected = data.oMf[model.getFrameId("tool0")].translation
     assert chain.places(values[None])[2][0] == pytest.approx(expected, abs=1e-12)
+    moved = chain.places(values[None])[3][0]
+    slopes = jacobian(lambda at: chain.places(at[None])[2][0], values, 1e-3)
+    assert moved == pytest.approx(slopes, abs=1e-9)
 
 
 def test_a_tip_is_better_than_the_jaw_that_it_is_on(inferred):

@@ -197,11 +197,54 @@ def test_steerable_wheels_only_ask_for_a_platform(inferred):
         inferred(robot.arm())
 
 
-def test_a_turret_of_two_wheels_is_locked(inferred):
+@pytest.mark.parametrize("kind", ["continuous", "revolute"])
+@pytest.mark.parametrize("named", [False, True])
+def test_modules_that_steer_and_roll_are_swerve(inferred, kind, named):
+    robot, options = Robot(), {}
+    limits = (-1.6, 1.6) if kind == "revolute" else None
+    for i, (x, y) in enumerate([(0.3, 0.2), (-0.3, 0.2), (0.3, -0.2), (-0.3, -0.2)]):
+        robot.link(f"fork_{i}")
+        robot.joint(f"steer_{i}", kind, "base_link", f"fork_{i}", (x, y, 0.1), limits=limits)
+        for side, left in (("a", 0.04), ("b", -0.04)):  # two wheels a module, as PR2's
+            robot.wheel(f"roll_{i}_{side}_wheel", (0, left, 0), parent=f"fork_{i}")
+    if named:
+        options["wheels"] = tuple(f"roll_{i}_{s}_wheel" for i in range(4) for s in "ab")
+        options["steering"] = tuple(f"steer_{i}" for i in range(4))
+    robot.caster("back", (-0.4, 0, 0.04))
+    found = inferred(robot.arm(), **options)
+    assert found.platform.type.value == "swerve"
+    assert set(found.fields["steering"].value) == {f"steer_{i}" for i in range(4)}
+    assert len(found.fields["wheels"].value) == 8
+    assert found.fields["wheel_radius"].value == pytest.approx(0.1)
+    assert locked(found, "casters") == {"back_swivel", "back_wheel"}
+    assert [(one.joint, one.to) for one in found.couplings] == [("travel_direction", "arm_1_joint")]
+
+
+def carriage(x: float) -> Robot:
     robot = Robot().link("turret").joint("roll", "continuous", "base_link", "turret", (0, 0, 0.1))
     for side, y in (("r", -0.2), ("l", 0.2)):
-        robot.wheel(f"wheel_{side}", (-0.1, y, 0), parent="turret")
-    found = inferred(robot.arm())
+        robot.wheel(f"wheel_{side}", (x, y, 0), parent="turret")
+    return robot.arm()
+
+
+@pytest.mark.parametrize(
+    "asked", [{}, {"platform": "turret", "right_wheels": ("wheel_r",), "left_wheels": ("wheel_l",)}]
+)
+def test_a_carriage_under_a_turret(inferred, asked):
+    found = inferred(carriage(-0.1), **asked)
+    assert found.platform.type.value == "turret"
+    values = {name: fact.value for name, fact in found.fields.items()}
+    assert values == {
+        "turret": "roll",
+        "right_wheel": "wheel_r",
+        "left_wheel": "wheel_l",
+        "wheel_radius": pytest.approx(0.1),
+    }
+    assert not found.locks
+
+
+def test_a_turret_over_the_middle_of_its_wheels_is_locked(inferred):
+    found = inferred(carriage(0.0))
     assert found.platform.type.value == "differential"
     assert locked(found, "turns the driven wheels") == {"roll"}
     assert any("roll" in doubt for doubt in found.uncertain)
@@ -215,11 +258,21 @@ def test_no_wheels_ask_and_name_the_candidates(inferred):
     )
     with pytest.raises(Undecided) as caught:
         inferred(robot.arm())
-    for word in ("--right-wheel", "--left-wheel", "--platform", "fixed", "unicycle", "lidar_spin"):
+    words = ("--right-wheel", "--left-wheel", "--platform", "fixed", "unicycle", "planar")
+    for word in (*words, "lidar_spin"):
         assert word in str(caught.value)
 
 
-@pytest.mark.parametrize("platform", ["unicycle", "fixed"])
+def test_a_mecanum_base_without_wheel_joints_is_planar(inferred):
+    robot = Robot()
+    robot.xml.set("name", "mecanum_base")
+    found = inferred(robot.arm())
+    assert found.platform.type.value == "planar"
+    assert any("planar" in doubt and "mecanum_base" in doubt for doubt in found.uncertain)
+    assert found.fields["centre"].value == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("platform", ["unicycle", "planar", "fixed"])
 def test_platforms_without_wheels(inferred, platform):
     found = inferred(differential().caster("back", (-0.2, 0, 0.04)).arm(), platform=platform)
     assert found.platform.own == set()

@@ -163,13 +163,13 @@ def test_other_platforms(run, tmp_path, arguments):
 def own_type(monkeypatch):
     """Platform types of the user's own: one that asks for what is found, one that does not."""
 
-    class Planar(Unicycle):
+    class Sled(Unicycle):
         inferred = ("axle", "height")
 
     class Unasked(Unicycle):
         pass
 
-    monkeypatch.setattr(platforms, "_items", {"planar": Planar, "unasked": Unasked})
+    monkeypatch.setattr(platforms, "_items", {"sled": Sled, "unasked": Unasked})
     monkeypatch.delitem(vars(_TYPES), "fields", raising=False)
     yield
     vars(_TYPES).pop("fields", None)
@@ -178,13 +178,13 @@ def own_type(monkeypatch):
 @pytest.mark.usefixtures("own_type")
 def test_a_registered_platform_type_is_offered_with_the_fields_that_it_asks_for(run, tmp_path):
     urdf = four_wheels().arm(tip="tool0").write(tmp_path / "robot.urdf")
-    done = run(urdf, "-o", tmp_path / "r.toml", "--platform", "planar")
+    done = run(urdf, "-o", tmp_path / "r.toml", "--platform", "sled")
     assert done.exit_code == 0, done.exception
     given = tomllib.loads((tmp_path / "r.toml").read_text())
-    assert given["platform"] == {"type": "planar", "axle": [0.2, 0.0], "height": 0.05}
+    assert given["platform"] == {"type": "sled", "axle": [0.2, 0.0], "height": 0.05}
     assert given["urdf"]["lock"] == ["*_wheel"]
     assert "unicycle" in run("--help").output
-    assert "planar" in run("--help").output
+    assert "sled" in run("--help").output
     assert "unasked" not in run("--help").output
     assert run(urdf, "--platform", "custom").exit_code == 2
 

@@ -1,0 +1,73 @@
+"""The planar platform: it moves in every direction and turns, without wheels."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.model.platforms.body import Body, body_urdf, required_body
+from mobman.model.platforms.body_frame import BodyFramePlatform
+from mobman.model.platforms.platform import Site, platforms
+from mobman.toml_model import Strict, validate
+
+
+class PlanarParameters(Strict):
+    """The fields of ``[platform]`` for ``type = "planar"``."""
+
+    centre: tuple[float, float] = (0.0, 0.0)
+    """The reference point (x1, x2), on which the commands act, in the root link's frame (m)."""
+    height: float = 0.0
+    """Of the root link's origin above the ground (m)."""
+    heading: float = 0.0
+    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
+    body: Body | None = None
+    """The platform by its numbers instead of by a URDF."""
+
+
+class Planar(BodyFramePlatform):
+    r"""A platform without constraints, :math:`l = 3`, :math:`k = 0`.
+
+    Coordinates :math:`x = (x_1, x_2, \theta)`, :math:`\alpha = (v_x, v_y, \omega)` in the platform's
+    axes (m/s, rad/s); the commands are the force (N) and the torque about the vertical (N m) at the
+    reference point, so that B is the identity. What the omnidirectional platform is if its wheels are
+    left out: for bases on mecanum, omni or steered wheels whose URDF has no joints for them.
+
+    Args:
+        root_offset: See :class:`Platform`.
+        heading: See :class:`Platform`.
+    """
+
+    def __init__(self, root_offset: Array | None = None, heading: float = 0.0) -> None:
+        super().__init__(
+            (),
+            ("v_x", "v_y", "omega"),
+            np.zeros((0, 3)),
+            np.eye(3),
+            np.eye(3),
+            root_offset=root_offset,
+            heading=heading,
+        )
+
+    @classmethod
+    def build(cls, site: Site) -> Planar:
+        """See :meth:`Platform.build`."""
+        given = _parameters(site.parameters, site.origin)
+        c, s = np.cos(given.heading), np.sin(given.heading)
+        x, y = given.centre
+        return cls(np.array([-c * x - s * y, s * x - c * y, given.height]), given.heading)
+
+    @classmethod
+    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
+        """See :meth:`Platform.describe`: a box."""
+        given = _parameters(parameters, origin)
+        return body_urdf(required_body(origin, given.body))
+
+
+def _parameters(parameters: dict[str, Any], origin: str) -> PlanarParameters:
+    return validate(PlanarParameters, parameters, f"{origin}: [platform]")
+
+
+platforms.register("planar", Planar)
