@@ -10,14 +10,14 @@ from support.differences import relative
 import mobman as mm
 
 LONG = ("tsm", "tsm-simplified", "tsm-inverse-actuation", "pseudo-inverse", "extended-jacobian")
-"""Laws that run for 2 s; the others, which share their parts, for 0.3 s."""
+"""Laws that run for 1 s; the others, which share their parts, for 0.3 s."""
 RECORDED = ("t", "q", "z", "torque", "task_error")
 
 
 @pytest.mark.parametrize("controller", mm.list_controllers())
 def test_short_run(robot, controller):
     """A run that ends early (tsm-simplified may, see the docs) says when and why, and is finite too."""
-    duration = 2.0 if controller in LONG else 0.3
+    duration = 1.0 if controller in LONG else 0.3
     record = mm.simulate(robot, controller, "circle", duration=duration)
     again = mm.simulate(robot, controller, "circle", duration=0.25 * duration)
     for name in RECORDED:
