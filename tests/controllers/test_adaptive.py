@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from support.states import random_states
 
 import mobman as mm
@@ -47,37 +46,35 @@ def test_inertia_rate_less_twice_the_coriolis_matrix_is_skew_symmetric(robot):
         assert abs(power - 2.0 * x @ P_x) < 1e-6 * max(abs(power), np.abs(M_rate).max() * x @ x)
 
 
-@pytest.fixture(scope="module")
-def learned(youbot):
-    """A run on a plant 1.3 times as heavy, on a path that excites, and the true parameters."""
+def _learned(youbot, rate, duration):
+    """A run on a plant 1.3 times as heavy, on a path that excites."""
     model = youbot.model.copy()
     for inertia in model.inertias:
         inertia.mass *= 1.3
         inertia.inertia = 1.3 * inertia.inertia
-    true = youbot.with_model(model)
-    law = mm.make_controller("adaptive")
-    task = mm.make_task("lissajous", youbot, rate=2.0)
-    record = mm.simulate(youbot, law, task, plant=true, duration=6.0)
+    true, law = youbot.with_model(model), mm.make_controller("adaptive")
+    task = mm.make_task("lissajous", youbot, rate=rate)
+    record = mm.simulate(youbot, law, task, plant=true, duration=duration)
     assert record.ok, record.message
     return record, law, true
 
 
-def test_lyapunov_function_decreases(learned):
+def test_lyapunov_function_decreases(youbot):
     """V = (s^T M s + error^T Gamma^-1 error)/2, with the true M and parameters."""
-    record, law, true = learned
+    record, law, true = _learned(youbot, 1.0, 3.0)
     known = law.Gamma > 0.0  # the rest are of bodies without mass
     s, theta = (record.signals[f"adaptation/{name}"] for name in ("s", "theta"))
     errors = theta - nominal_parameters(true)
     assert not errors[:, ~known].any()
     V = 0.5 * (errors[:, known] ** 2 / law.Gamma[known]).sum(axis=1)
     V += [0.5 * a @ true.reduced_inertia(q) @ a for q, a in zip(record.q, s, strict=True)]
-    assert np.diff(V).max() < 1e-5 * V[0]  # what sampling adds
-    assert V[-1] < V[0] - 0.5
+    assert np.diff(V).max() < 0.0
+    assert V[-1] < V[0] - 0.3
 
 
-def test_parameters_converge_where_the_motion_shows_them(learned, youbot):
+def test_parameters_converge_where_the_motion_shows_them(youbot):
     """The forces that the estimate predicts at random states go to the true ones."""
-    record, _, true = learned
+    record, _, true = _learned(youbot, 3.0, 6.0)
     random, nominal = np.random.default_rng(42), nominal_parameters(youbot)
     before, after = [], []
     theta = record.signals["adaptation/theta"][-1]

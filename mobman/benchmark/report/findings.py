@@ -12,6 +12,7 @@ import pandas as pd
 from mobman.benchmark.report.data import DONE, NOMINAL, NOT_RUN, Results
 from mobman.benchmark.report.format import count, interval_range, listing, metric_value, number
 from mobman.benchmark.report.standings import Board, Standing
+from mobman.controllers.protocol import information_of
 
 _SPACE = "\u00a0"  # holds a number and its unit together
 _ENDINGS = {"diverged": "diverged", "singular": "ended at a singularity"}
@@ -338,9 +339,10 @@ _ZERO_BETA = (
     "Runs under disturbances or with other masses are outside of what these bounds cover."
 )
 _LAWS = (
-    "The baselines are computed-torque laws without integral action or adaptation: they know "
-    "nothing of the wrong masses either, and have nothing against them by design."
+    "{} are computed-torque laws without integral action, observer or adaptation: they have nothing "
+    "against wrong masses by design."
 )
+_PLAIN = ("pseudo-inverse", "damped-least-squares", "extended-jacobian")
 _UNTUNED = (
     "No controller was tuned for this comparison. The baselines' gains are fixed, and so are "
     "the sliding laws', but the effort that went into choosing them was not equal. The comparison is "
@@ -355,8 +357,8 @@ _PARTLY_TUNED = (
 )
 _EXACT = (
     "Where a scenario does not say otherwise, the acceleration z' is measured without error, as if from "
-    "a perfect sensor. The sliding laws use it, the baselines do not; this is an advantage that a "
-    "real robot would not give."
+    "a perfect sensor, which a real robot does not have. {} use it; {}. What part of a difference "
+    "comes from it, docs/suites.md says for the scenario heavier."
 )
 _IDEAL = (
     "All of this is simulation. But for what a scenario changes, measurements are exact, motors give "
@@ -411,8 +413,16 @@ def limitations_of(results: Results) -> list[str]:
     implicit = any(own["discretization"] == "implicit" for own in settings)
     found = [_IMPLICIT] if implicit else []
     found += [_EXPLICIT] if runs.explicit.any() else []
-    found.append((_PARTLY_TUNED if results.tuned else _UNTUNED) + _LAWS)
-    found += [_EXACT] if (sliding.acceleration == "exact").any() else []
+    plain = list(dict.fromkeys(runs.label[runs.law.isin(_PLAIN)]))
+    found.append(
+        (_PARTLY_TUNED if results.tuned else _UNTUNED)
+        + (_LAWS.format(listing(plain)) if plain else "")
+    )
+    with_z_dot = runs.law.map(lambda law: "z'" in (information_of(law) or ()))
+    using, others = (list(dict.fromkeys(runs.label[w])) for w in (with_z_dot, ~with_z_dot))
+    if using and (runs.acceleration == "exact").any():
+        rest = f"{listing(others)} do not" if others else "all of them have it"
+        found.append(_EXACT.format(listing(using), rest))
     found += [_ZERO_BETA] if any(own.get("beta_0") == 0.0 for own in settings) else []
     found += [_IDEAL, _LIMITS, _WHEELS]
     found += [_YOUBOT] if (runs.robot == "youbot").any() else []

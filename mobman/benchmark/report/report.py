@@ -18,6 +18,7 @@ from mobman.benchmark.report import charts, findings, format, gains, tables
 from mobman.benchmark.report.data import DONE, NOT_RUN, Results, WriteReplay, csv_of, read_results
 from mobman.benchmark.report.standings import EFFORTS, board_of, prices_of, select
 from mobman.benchmark.store import Store
+from mobman.controllers.protocol import INFORMATION
 from mobman.errors import MobmanError
 from mobman.figures import files
 from mobman.figures.looks import Look
@@ -164,6 +165,8 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
         "lost": sum(standing.lost for standing in board.ranked),
         # over all cells
         "leaderboard": tables.leaderboard_table(board) if len(board.cells) else None,
+        "information": tables.information_table(results, board) if len(board.cells) else None,
+        "information_of": INFORMATION,
         "leaderboard_figure": charts.leaderboard_figure(board, looks) if compared else None,
         "families": tables.families_table(board, results) if board.families else None,
         "pairs": tables.pairs_table(board.pairs) if board.pairs else None,

@@ -29,6 +29,7 @@ from mobman.benchmark.report.format import (
     signed,
 )
 from mobman.benchmark.report.standings import EFFORTS, Board, Pair, Price, Standing
+from mobman.controllers.protocol import INFORMATION, information_of
 from mobman.provenance import machine
 from mobman.simulation.limits import ALLOWED
 from mobman.simulation.metrics import list_metrics
@@ -129,6 +130,31 @@ def leaderboard_table(board: Board) -> Table:
         "of these, failed;#of these, beyond limits"
     )
     return table_of("Leaderboard over all compared cells", columns, rows)
+
+
+def information_table(results: Results, board: Board) -> Table:
+    """Show what each controller uses, those that use the same together, the best of each marked."""
+    laws = results.runs.drop_duplicates("label").set_index("label").law
+    groups: dict[tuple[str, ...] | None, list[Standing]] = {}
+    for s in board.standings:
+        groups.setdefault(information_of(str(laws[s.label])), []).append(s)
+    rows: list[list[Entry]] = []
+    for uses, members in groups.items():
+        what = "not said" if uses is None else ", ".join(uses) or "none of these"
+        rows.append([Entry(f"use {what}" if uses else what)])
+        for s in members:
+            marks = [UNDEFINED if uses is None else "yes" * (item in uses) for item in INFORMATION]
+            ranked = [other for other in members if other.ranks is not None]
+            rows.append(
+                [
+                    label_entry(s.label),
+                    *map(Entry, marks),
+                    _best(number(s.error.estimate), _leads(s, ranked)),
+                    Entry(f"{s.solved} of {s.cells}"),
+                ]
+            )
+    columns = ";".join(["controller", *INFORMATION, "#steady |e^e| (m)", "#cells solved"])
+    return table_of("What each controller uses", columns, rows)
 
 
 def _leads(standing: Standing, others: Sequence[Standing]) -> bool:
