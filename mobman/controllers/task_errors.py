@@ -11,7 +11,7 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.gains import Diagonal, diagonal
-from mobman.errors import SingularityError
+from mobman.errors import SingularityError, UsageError
 from mobman.linalg import dot, multiply
 from mobman.model.criterion import Criterion, Posture
 from mobman.model.dynamics import Buffers
@@ -112,8 +112,14 @@ class TaskSpace:
 
         Raises:
             SingularityError: If they do not exist there.
+            UsageError: If q or z has another shape than the robot's.
         """
         now = self.now
+        if len(q) != len(now.q) or len(z) != len(now.z):  # one number would fill all of them
+            raise UsageError(
+                f"q has shape {np.shape(q)} and z {np.shape(z)}; expected {now.q.shape} and "
+                f"{now.z.shape}"
+            )
         self._t[0] = t
         now.q[:] = q
         now.z[:] = z

@@ -68,7 +68,7 @@ def test_as_json(good, changed):
 def test_repeated_run_is_printed_and_saved(good, tmp_path):
     done = mobman("rerun", good, "-o", tmp_path / "new.h5")
     assert done.returncode == 0
-    assert "task_error_max" in done.stdout
+    assert "|e^e| at the end" in done.stdout
     new = mm.load_record(tmp_path / "new.h5")
     assert new.state_sha256 == mm.load_record(good).state_sha256
     assert len(new.t) == 21
