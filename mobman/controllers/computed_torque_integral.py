@@ -15,8 +15,11 @@ from mobman.controllers.baselines import (
     tracking_acceleration,
 )
 from mobman.controllers.gains import gain, require_not_negative
+from mobman.controllers.limits import LimitedMotors
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import TaskSpace, desired
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +35,7 @@ class IntegralGains(ExtendedGains):
         require_not_negative(self, "K_i")
 
 
-class ComputedTorqueIntegral(ExtendedJacobianControl):
+class ComputedTorqueIntegral(LimitedMotors, ExtendedJacobianControl):
     r"""As ``extended-jacobian``, with the integral of the error, and computed torque:
 
     .. math:: \dot z = J^{-1}(\ddot p_d - K_v \dot e - K_p e - K_i \int e\,dt - \dot J z),
@@ -40,19 +43,35 @@ class ComputedTorqueIntegral(ExtendedJacobianControl):
 
     F. L. Lewis, D. M. Dawson, C. T. Abdallah, "Robot Manipulator Control: Theory and Practice",
     Marcel Dekker 2004, section 4.4 (PID outer loop).
+
+    The integral stands still while a torque is beyond a limit that acts, so that it does not wind up.
     """
 
     name = "computed-torque-integral"
     Gains = IntegralGains
+    uses = ("M", "bias", "J'", "limits")
+
+    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
+        """Start again with an empty integral."""
+        self._limits = np.full(robot.nz, np.inf) if self._acting is None else self._acting
+        super().reset(robot, task, dt)
+
+    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
+        """The torque for the tick, shape (nz,); see :class:`Controller`."""
+        before = self._integral.copy()
+        v = super().step(t, q, z, z_dot)
+        if (np.abs(v) > self._limits).any():
+            self._integral[:] = before
+        return v
 
     def feedback(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
         """See :class:`ExtendedJacobianControl`."""
-        gains = self.gains
+        gains, self._integral = self.gains, np.zeros(space.p)
         return bind(
             integral_acceleration,
             *(space.f, space.J, space.J_dot_z, space.p_d, space.now.z),
             *map(float, (gains.K_p, gains.K_v, gains.K_i, self._dt)),
-            *(np.zeros(space.p), wanted),
+            *(self._integral, wanted),
         )
 
 

@@ -47,6 +47,8 @@ class TimeDelayControl(ComputedTorqueIntegral):
     acceleration obeys :math:`\epsilon_{k+1} = (I - \mu M_0^{-1} M)\epsilon_k`, but for what changes
     within a tick. ``mu = 0.5`` bears :math:`M_0` from M/4 up, and torques that act a tick late.
 
+    Torques are cut at the limits that act: the next increment starts from what acted.
+
     K. Youcef-Toumi, O. Ito, "A time delay controller for systems with unknown dynamics", ASME Journal
     of Dynamic Systems, Measurement, and Control 112(1), 1990; T. C. Hsia, L. S. Gao, "Robot
     manipulator control using decentralized linear time-invariant time-delayed joint controllers",
@@ -55,7 +57,13 @@ class TimeDelayControl(ComputedTorqueIntegral):
 
     name = "time-delay"
     Gains = TimeDelayGains
-    uses = ("z'", "M", "J'")
+    uses = ("z'", "M", "J'", "limits")
+
+    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
+        """The torque for the tick, within the limits that act, shape (nz,)."""
+        super().step(t, q, z, z_dot)  # which stops the integral where a torque is beyond its limit
+        np.clip(self._v, -self._limits, self._limits, out=self._v)
+        return self._v.copy()
 
     def torque(self, now: Buffers, z_dot: Array, v: Array) -> Callable[[], int]:
         """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""

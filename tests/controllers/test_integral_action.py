@@ -54,3 +54,24 @@ def test_constant_disturbance_is_rejected(law, youbot):
     assert largest_after(record, 5.5) < 1e-6
     other = mm.simulate(youbot, "extended-jacobian", task, duration=6.0, scenario=PUSHED, dt=2e-3)
     assert largest_after(other, 5.5) > 1e-2
+
+
+@pytest.mark.parametrize("law", ["computed-torque-integral", "time-delay"])
+def test_nothing_winds_up_at_limits_that_act(law, youbot):
+    """One second a metre away, where no torque within the limits is enough; and the same without any."""
+    task, none = Standing(youbot.tip_pose(youbot.q_rest).translation), np.zeros(youbot.nz)
+    q = youbot.q_rest.copy()
+    q[youbot.joint_names.index("base_x")] += 1.0
+    integrals, torques = [], []
+    for limit in (0.5, np.inf):
+        controller = mm.make_controller(law)
+        controller.limit_motors(np.full(youbot.nz, limit))
+        controller.reset(youbot, task, 0.01)
+        for tick in range(100):
+            torque = controller.step(0.01 * tick, q, none, none)
+        integrals.append(np.abs(controller._integral).max())
+        torques.append(np.abs(torque).max())
+    assert integrals[0] < 0.1 < 0.9 < integrals[1]
+    if law == "time-delay":
+        assert torques[0] <= 0.5
+        assert torques[1] > 10.0
