@@ -53,11 +53,11 @@ class PoseToPose(KernelPath):
     width = 7
 
     def _kernel(self) -> tuple[Any, ...]:
-        start, way = np.array(self.start), np.subtract(self.end, self.start)
+        start, end = np.array(self.start, dtype=float), np.array(self.end, dtype=float)
         turn = np.array(self.turn, dtype=float)
         return (
             _pose_to_pose,
-            *(start, way, np.array(self.orientation), turn),
+            *(start, end - start, np.array(self.orientation, dtype=float), turn),
             float(self.travel),
         )
 

@@ -12,6 +12,8 @@ import mobman as mm
 from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import SingularityError, UsageError
 from mobman.model.criterion import Posture
+from mobman.simulation.rerun import verify
+from mobman.viewer.view import make_scene
 
 WOBBLING = ("pose-circle", {"orientation": "wobble"})
 TURNING = ("pose-circle", {"orientation": "turn"})
@@ -231,3 +233,45 @@ def test_records_hold_the_orientation(tiago, tmp_path):
         "orientation_error_final"
         not in mm.simulate(tiago, "pseudo-inverse", "circle", duration=0.01).metrics
     )
+
+
+def test_records_of_poses_are_repeated_to_the_last_bit(tiago, tmp_path):
+    for name in ("pose", "pose-circle", "pointing-circle"):
+        record = mm.simulate(tiago, "pseudo-inverse", name, duration=0.02)
+        found = verify(record.save(tmp_path / f"{name}.h5"))
+        assert found.identical
+        assert {"tip/orientation", "tip/desired_orientation"} <= {
+            one.name for one in found.compared
+        }
+
+
+def test_replay_shows_the_desired_frame_and_the_angle(tiago):
+    for name, columns in (("pose-circle", 4), ("pointing-circle", 3)):
+        record = mm.simulate(tiago, "pseudo-inverse", name, duration=0.05)
+        shown = make_scene(record).content["runs"][0]["motion"]
+        frames = shown["t"]["shape"][0]
+        assert shown["turn"]["shape"] == [frames, columns]
+        assert shown["angle"]["shape"] == [frames]
+        assert shown["error"]["shape"] == [frames]
+
+
+def test_terminal_sliding_mode_settles_in_position_and_orientation(tiago):
+    """By the times of the paper's gains, at twice the usual sampling period."""
+    record = mm.simulate(tiago, "tsm", "pose-circle", duration=3.6, dt=2e-3)
+    assert record.status == "ok", record.message
+    assert record.metrics["settling_time_1e-4"] < 2.5
+    assert record.metrics["orientation_settling_time_1e-4"] < 3.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("orientation", ["hold", "turn", "wobble"])
+def test_whole_run_of_every_orientation(tiago, orientation):
+    task = mm.make_task("pose-circle", tiago, orientation=orientation)
+    record = mm.simulate(tiago, "tsm", task, duration=10.0)
+    assert record.status == "ok", record.message
+    assert np.isclose(record.task_error[0, 3:] @ record.task_error[0, 3:], (2 * np.sin(0.25)) ** 2)
+    assert record.metrics["settling_time_1e-4"] < 2.5
+    assert record.metrics["orientation_settling_time_1e-4"] < 3.5
+    assert record.metrics["task_error_max"] < 1e-7
+    assert record.metrics["orientation_error_max"] < 1e-6
+    assert record.metrics["success"] == 1.0
