@@ -6,6 +6,7 @@ import copy
 import json
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import product
@@ -14,9 +15,9 @@ from typing import Any, NamedTuple, TypeVar, cast
 from mobman.benchmark.suite_tables import Changes, Override, SuiteTables
 from mobman.controllers.protocol import controllers, make_controller
 from mobman.errors import MobmanError, SpecError, UnknownNameError, UsageError
-from mobman.model.build import load_robot
+from mobman.model.build import build_robot, load_robot
 from mobman.model.platforms.platform import platforms
-from mobman.robots.catalogue import find_spec, list_robots
+from mobman.robots.catalogue import find_spec, list_robots, origin_of
 from mobman.simulation.run_spec import RunSpec, fingerprint, foreign_code_sha256
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.task import check_parameters, make_task, task_parameters, tasks
@@ -149,6 +150,20 @@ class _Table:
             self.fields |= own
             self.members[label] = list(own)
         self.labels = {name: label for label, names in self.members.items() for name in names}
+
+
+def _is_sound(name: str) -> bool:
+    """True if a robot that a pattern means can be used; a user's that cannot is named in a warning."""
+    if origin_of(name) == "mobman":
+        return True
+    try:
+        spec = find_spec(name)
+        if not spec.code:  # which runs with the suite, and not where it is only looked at
+            build_robot(spec)
+    except MobmanError as error:
+        warnings.warn(f"robot {name!r} is left out of the suite: {error}", stacklevel=2)
+        return False
+    return True
 
 
 class _Plan(NamedTuple):
@@ -291,7 +306,7 @@ class _Expansion:
         for pattern in patterns:
             if any(mark in pattern for mark in "*?["):
                 names = attempt(where, chosen, "robot", pattern, list_robots(), {}) or []
-                found |= dict.fromkeys(names)
+                found |= dict.fromkeys(name for name in names if _is_sound(name))
             elif attempt(where, find_spec, pattern) is not None:
                 found[pattern] = None
         return list(found)

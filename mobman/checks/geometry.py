@@ -19,6 +19,7 @@ from mobman.checks.checks import (
 )
 from mobman.checks.subject import Link, Subject
 from mobman.model.platforms.platform import Wheel
+from mobman.model.platforms.wheels import AXIS_TOLERANCE
 from mobman.robots.urdf.meshes import MeshReference
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about
@@ -28,6 +29,7 @@ _BELOW = 5e-3  # m: casters and covers are often drawn a little too low
 _FAR_BELOW = 5e-2  # m
 _FLOATING = 2e-2  # m
 _UNSEEN = 0.2  # m: the same where the platform's wheels are not known, and perhaps not drawn
+_ROUNDED = 1e-3  # rad
 _TILT = math.sin(math.radians(1.0))
 
 
@@ -74,6 +76,15 @@ def _wheel(subject: Subject, wheel: Wheel) -> Iterator[Remark]:
         yield wrong(
             f"wheel {wheel.joint!r}: its axis is {axis.round(3).tolist()}, not horizontal",
             f"check <axis> and <origin> of joint {wheel.joint!r} in the URDF",
+        )
+    # of these types all wheels roll straight ahead at rest, and the equations have them so
+    straight = subject.robot.spec.platform.type in ("differential", "skid-steer", "car-like")
+    off = math.acos(min(abs(float(axis[1])), 1.0))
+    if straight and _ROUNDED < off <= AXIS_TOLERANCE:
+        yield warning(
+            f"wheel {wheel.joint!r}: its axis is {1e3 * off:.3g} mrad off, as rounded angles are; the "
+            "equations have it exact",
+            f"give <origin> rpy and <axis> of joint {wheel.joint!r} more digits in the URDF",
         )
     words = wheel.joint.lower()
     for word, other, side in (("left", "right", 1.0), ("right", "left", -1.0)):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import glob
+import os
 import re
 from collections import Counter
 from dataclasses import asdict
@@ -14,7 +16,8 @@ from rich.text import Text
 from mobman.cli.names import complete
 from mobman.cli.output import JSON, console, echo, print_json, table
 from mobman.cli.robots_add import add
-from mobman.errors import MobmanError, UnknownNameError
+from mobman.errors import MobmanError, UnknownNameError, UsageError
+from mobman.robots.spec import NAME
 
 if TYPE_CHECKING:
     from mobman.checks.checks import Finding
@@ -31,7 +34,7 @@ _STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 @JSON
 @click.pass_context
 def robots(context: click.Context, as_json: bool) -> None:
-    """List the robots (arm: joints of the arm; nz: motors), or show, check or add one."""
+    """List the robots (arm: joints of the arm; nz: motors), or show, check, add or remove one."""
     if context.invoked_subcommand is not None:
         if as_json:
             raise click.UsageError(f"put --json behind {context.invoked_subcommand!r}")
@@ -169,6 +172,40 @@ def _details(name: str) -> dict[str, Any]:
 
 @robots.command()
 @click.argument("name", **complete("robots"))
+@JSON
+def remove(name: str, as_json: bool) -> None:
+    """Remove the robot NAME that was added by the user: its TOML, and its copy of the URDF."""
+    from mobman.robots.catalogue import list_robots
+    from mobman.robots.places import own_robots, user_robots_folder
+
+    folder = user_robots_folder()
+    file = folder / f"{name}.toml"
+    if not re.fullmatch(NAME, name) or not os.path.lexists(file):
+        if name in own_robots():
+            raise UsageError(f"the robot {name!r} comes with mobman and stays")
+        if name in list_robots():
+            raise UsageError(f"the robot {name!r} is another package's; uninstall that")
+        raise UnknownNameError(
+            "robot of yours", name, [path.stem for path in folder.glob("*.toml")]
+        )
+    copies = [
+        path
+        for path in folder.glob(f"{glob.escape(name)}.*urdf")
+        if re.fullmatch(r"(mount\d+\.)?urdf", path.name.removeprefix(f"{name}."))
+    ]
+    for path in (file, *copies):  # the TOML first: without it there is no robot
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise MobmanError(f"cannot remove {path}: {error.strerror}") from error
+    if as_json:
+        print_json({"name": name, "removed": [str(path) for path in (file, *copies)]})
+    else:
+        echo(f"removed {', '.join(str(path) for path in (file, *copies))}")
+
+
+@robots.command()
+@click.argument("name")
 @JSON
 @click.option("--no-simulation", is_flag=True, help="Leave out the checks that run a closed loop.")
 def check(name: str, as_json: bool, no_simulation: bool) -> None:

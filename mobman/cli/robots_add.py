@@ -7,7 +7,7 @@ import os
 import re
 import shlex
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from mobman.robots.infer.findings import TYPES, Options
 
 if TYPE_CHECKING:
     from mobman.model.mobile_manipulator import MobileManipulator
+    from mobman.robots.urdf.read import UrdfSources
 
 _ABOUT_OPTIONS = r"field '(platform|arm|urdf\.lock)\b|\[platform\]|\[arm\]"
 """Parts of a message that an option may mend."""
@@ -55,8 +56,32 @@ def _several(
     )
 
 
+def _assigned(
+    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, str]:
+    """NAME:=VALUE texts as a dictionary."""
+    for text in texts:
+        if not text.partition(":=")[0] or ":=" not in text:
+            raise click.BadParameter(f"{text!r} is not NAME:=VALUE", param_hint=parameter.opts[0])
+    return {name: value for name, _, value in (text.partition(":=") for text in texts)}
+
+
+def _mounts(
+    mounted: Sequence[str], carriers: Sequence[str], prefixes: Sequence[str]
+) -> Iterator[tuple[str, str | None, str]]:
+    """What is mounted, its link (None: not said) and prefix."""
+    if len(carriers) > len(mounted) or len(prefixes) > len(mounted):
+        raise UsageError(
+            f"--mount is given {len(mounted)} times, --on {len(carriers)} and --prefix "
+            f"{len(prefixes)} times; give one --on, and at most one --prefix, for each --mount"
+        )
+    for i, urdf in enumerate(mounted):
+        prefix = prefixes[i] if i < len(prefixes) else ""
+        yield urdf, (carriers[i] if i < len(carriers) else None), prefix
+
+
 @click.command()
-@click.argument("urdf", type=click.Path(path_type=Path))
+@click.argument("urdf", metavar="URDF")
 @click.option(
     "--name",
     help="Name of the robot; by default that of FILE, of the URDF's file or the one in the URDF.",
@@ -77,6 +102,17 @@ def _several(
     "DIR",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
 )
+@click.option(
+    "--up",
+    type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
+    default="z",
+    show_default=True,
+    help="Axis of the root link that points up.",
+)
+@_several("--xacro-arg", "arguments", "Argument of a xacro file", "NAME:=VALUE", callback=_assigned)
+@_several("--mount", "mounted", "URDF of an arm to be mounted", "URDF")
+@_several("--on", "carriers", "Link that carries what is mounted, in the same order", "LINK")
+@_several("--prefix", "prefixes", "Put before all names of what is mounted", "TEXT")
 @click.option("--force", is_flag=True, help="Replace a file or a robot that is there.")
 @click.option(
     "-o",
@@ -87,48 +123,75 @@ def _several(
 )
 @JSON
 def add(
-    urdf: Path,
+    urdf: str,
     name: str | None,
     output: Path | None,
     packages: tuple[Path, ...],
+    up: str,
+    arguments: dict[str, str],
+    mounted: tuple[str, ...],
+    carriers: tuple[str, ...],
+    prefixes: tuple[str, ...],
     force: bool,
     as_json: bool,
-    **given: Any,
+    **facts: Any,
 ) -> None:
     """Write the TOML of a robot from its URDF: wheels, radius, arm, rest posture.
 
-    Each value has a comment that says why it was taken. What the URDF does not tell is asked for.
+    URDF is a file of URDF or xacro, a folder or a ZIP archive with one, - for the standard input, or a
+    name of the package robot_descriptions. Each value has a comment that says why it was taken. What the
+    URDF does not tell is asked for.
     """
-    from mobman.robots.catalogue import user_robots_folder
-    from mobman.robots.infer.infer import infer
-    from mobman.robots.infer.write import choose_name, robot_toml, urdf_source
-    from mobman.robots.spec import UrdfSource
-    from mobman.robots.urdf.read import urdf_file
+    from mobman.robots.incoming.describe import OnLink, describe
+    from mobman.robots.places import user_robots_folder
+    from mobman.robots.urdf.meshes import with_absolute_meshes
+    from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
-    options = Options(**given, types=_TYPES.fields)
+    options = Options(**facts, types=_TYPES.fields)
     _check_options(output, options)
-    if not os.path.isfile(urdf):
-        raise UsageError(f"there is no URDF at {os.path.realpath(urdf)}")
-    looked_in = UrdfSource(
-        path=str(urdf.resolve()), packages=[str(path.resolve()) for path in packages]
+    found = describe(
+        urdf,
+        options,
+        name=name,
+        output=output,
+        up=up,
+        mounts=[OnLink(*mount) for mount in _mounts(mounted, carriers, prefixes)],
+        packages=[path.resolve() for path in packages],
+        arguments=arguments,
     )
-    file = urdf_file(looked_in, Path(), f"{urdf}: field 'urdf")
-    name = choose_name(name, output, file.parse().get("name", ""), urdf)
+    name = found.name
     target = output if output is not None else user_robots_folder() / f"{name}.toml"
     _check_free(name, target, force, by_name=output is None)
-    found = infer(file, options)
-    source = urdf_source(urdf, None if output is None else target.absolute().parent, packages)
-    text = robot_toml(found, name, source)
-    robot = _robot_of(text, target)
-    write_new(target, text, force, "choose another -o")
+    folder = None if output is None else target.absolute().parent
+    sources, copies, files = [], dict[Path, str](), []
+    for i, part in enumerate(found.parts):
+        source, file = part.source(part.file.path, folder, found.packages), part.file
+        if source.package is None and (output is None or part.given.made):
+            # what was made, or lies anywhere: a copy, so that nothing breaks where the file is moved
+            place = target.with_name(f"{target.stem}{f'.mount{i}' if i else ''}.urdf")
+            copies[place] = with_absolute_meshes(file).decode()
+            source = source.model_copy(update={"path": place.name, "packages": []})
+            file = UrdfFile(place, file.package_folders, copies[place].encode(), up=file.up)
+        sources.append(source)
+        files.append(file)
+    text = found.toml(sources)
+    robot = _robot_of(text, target, UrdfSources(tuple(files)))
+    if not force and (there := [path for path in copies if os.path.exists(path)]):
+        raise UsageError(
+            f"{there[0]} is there already; choose another --name or -o, or add --force"
+        )
+    doubts = _verified(robot, force)
+    for place, content in {**copies, target: text}.items():
+        write_new(place, content, force, "choose another -o")
     known = name if output is None else shlex.quote(str(target))
     summary = {
         "name": name,
         "file": str(target),
-        **found.summary(),
+        **found.found.summary(),
         "nq": robot.nq,
         "nz": robot.nz,
-        "uncertain": list(found.uncertain),
+        "uncertain": list(found.found.uncertain),
+        "warnings": [*found.warnings, *doubts],
         "next": [f"mobman robots check {known}", f"mobman run {known}"],
     }
     if as_json:
@@ -154,7 +217,8 @@ def _check_options(output: Path | None, options: Options) -> None:
 
 def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
     """Before anything is computed: nothing that is there is replaced unasked."""
-    from mobman.robots.catalogue import list_robots, own_robots
+    from mobman.robots.catalogue import list_robots
+    from mobman.robots.places import own_robots
 
     if by_name and name in own_robots():
         raise UsageError(f"the robot {name!r} comes with mobman; choose another --name")
@@ -168,13 +232,32 @@ def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
         )
 
 
-def _robot_of(text: str, target: Path) -> MobileManipulator:
+def _verified(robot: MobileManipulator, force: bool) -> list[str]:
+    """Checks of what is about to be written; what only may be wrong, in sentences.
+
+    Raises:
+        UsageError: If a size is wrong: it is asked for, and never written without ``--force``.
+    """
+    from mobman.checks.checks import run_checks
+
+    findings = run_checks(robot, only=("ground", "wheel-radius"))
+    wrong = [finding for finding in findings if finding.status == "wrong"]
+    if wrong and not force:
+        said = "; ".join(f"{finding.found}" for finding in wrong)
+        raise UsageError(
+            f"nothing was written, since a size cannot be right: {said}; correct the URDF, or give "
+            "--wheel-radius (m), --up or --heading; with --force it is written as it is"
+        )
+    return [f"{finding.check}: {finding.found}" for finding in findings if finding.status != "ok"]
+
+
+def _robot_of(text: str, target: Path, sources: UrdfSources) -> MobileManipulator:
     """The robot of a file that is written only if it can be loaded."""
-    from mobman.model.build import load_robot
+    from mobman.model.build import build_robot
     from mobman.robots.spec import spec_of
 
     try:
-        return load_robot(spec_of(tomllib.loads(text), target))
+        return build_robot(spec_of(tomllib.loads(text), target), sources)
     except MobmanError as error:
         advice = "correct the URDF"
         if re.search(_ABOUT_OPTIONS, str(error)):
@@ -208,6 +291,7 @@ def _print(summary: dict[str, Any]) -> None:
         ("locked", f"{len(summary['locked'])} joints"),
         ("rest", ", ".join(f"{joint} {at:.4g}" for joint, at in summary["rest"].items())),
         *(("uncertain", doubt) for doubt in summary["uncertain"]),
+        *(("warning", warning) for warning in summary["warnings"]),
         *(("next", command) for command in summary["next"]),
     ]
     for key, text in lines:

@@ -66,6 +66,8 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     assembly = assemble(spec, sources)
     if fault := too_large(assembly.robot):
         raise SpecError(f"{where}: the robot with all that is mounted on it: {fault}")
+    # before what is added there, and before links that share a joint's name get another
+    links = [str(link.get("name")) for link in assembly.robot.findall("link")]
     # where the wheels are says where the platform's frame is
     still = _parse(spec, flat_urdf(deepcopy(assembly.robot), where, base_joints=()))
     platform = platform_type(spec).build(Site(spec.platform.parameters, still, where, spec.folder))
@@ -74,7 +76,6 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     followers = _followers(spec, assembly, platform)
     model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", assembly.rest))
     _give_back_names(model.frames)
-    links = [str(link.get("name")) for link in assembly.robot.findall("link")]
     if spec.arm.tip not in links:
         raise SpecError(
             f"{where}: field 'arm.tip' is {spec.arm.tip!r}, which is no link of {sources}; its links: "

@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-import platformdirs
-
 from mobman.errors import FOREIGN_ERRORS, SpecError, UnknownNameError, UsageError
-from mobman.resources import resource_folder
+from mobman.robots.incoming.describe import describe
+from mobman.robots.incoming.incoming import URDF_ENDINGS
+from mobman.robots.infer.findings import Undecided
+from mobman.robots.places import own_robots, user_robots_folder
 from mobman.robots.spec import RobotSpec, read_spec
 from mobman.toml_model import validate
 
@@ -41,11 +44,6 @@ def origin_of(name: str) -> str:
     if name in _users():
         return "user"
     return _plugins()[name].value.partition(":")[0].partition(".")[0]
-
-
-def user_robots_folder() -> Path:
-    """The folder of robots that the user added, in the user's data directory; it need not exist."""
-    return platformdirs.user_data_path("mobman", appauthor=False) / "robots"
 
 
 def register_robot(spec_or_path: RobotSpec | Mapping[str, Any] | str | os.PathLike[str]) -> str:
@@ -109,15 +107,19 @@ def registered_as(described: Mapping[str, Any]) -> RobotSpec:
 def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
     """The description of a robot by name, or of a TOML file by path.
 
-    Anything that ends in ``.toml`` or has a path separator is a path.
+    Anything that ends in ``.toml`` or has a path separator is a path. A URDF, a xacro file, a folder or
+    an archive with one serves as well: what its TOML would say is inferred, and said in a warning.
 
     Raises:
         UnknownNameError: If no robot has the name.
         SpecError: If the description is not valid.
+        UsageError: If a URDF does not tell enough.
     """
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise UsageError(f"{name_or_path!r} is not a robot: expected a name or a TOML file")
     text = os.fspath(name_or_path)
+    if text.lower().endswith(URDF_ENDINGS) or (os.sep in text and os.path.isdir(text)):
+        return _inferred(os.path.abspath(text), _stamp(text))
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):
         return read_spec(Path(text))
     if text in _registered:
@@ -132,14 +134,39 @@ def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
     raise UnknownNameError("robot", text, set(list_robots()) - {text})
 
 
+def _stamp(path: str) -> tuple[int, int]:
+    """Another value when a file has changed."""
+    with suppress(OSError, ValueError):
+        status = os.stat(path)
+        return status.st_mtime_ns, status.st_size
+    return 0, 0
+
+
+@lru_cache(maxsize=64)
+def _inferred(path: str, stamp: tuple[int, int]) -> RobotSpec:
+    """The description of a URDF, inferred and reported once for each state of the file."""
+    try:
+        found = describe(path)
+    except Undecided as error:
+        raise UsageError(f"{error}; 'mobman robots add {path}' takes these options") from error
+    facts = found.found.summary()
+    wheels = f", wheels {', '.join(facts['wheels'])}" if facts["wheels"] else ""
+    radius = "" if facts["wheel_radius"] is None else f" of {facts['wheel_radius']:.4g} m"
+    doubts = "".join(f"; uncertain: {doubt}" for doubt in found.found.uncertain)
+    more = "".join(f"; {said}" for said in found.warnings)
+    warnings.warn(
+        f"{os.path.basename(path)} is taken as robot {found.name!r}: {facts['platform']} platform"
+        f"{wheels}{radius}, arm of {len(facts['arm_joints'])} joints, tip {facts['tip']}, "
+        f"{len(facts['locked'])} joints locked{doubts}{more}; 'mobman robots add {path}' writes it "
+        "down, to be read and changed",
+        stacklevel=4,
+    )
+    return found.spec()
+
+
 def _called(name: str, spec: RobotSpec) -> RobotSpec:
     """A description under the name that it is found by, whatever its field says."""
     return spec if spec.name == name else spec.model_copy(update={"name": name})
-
-
-def own_robots() -> dict[str, Path]:
-    """The robots that come with mobman: their files by name."""
-    return {path.stem: path for path in sorted(resource_folder("robots").glob("*.toml"))}
 
 
 def _users() -> dict[str, Path]:

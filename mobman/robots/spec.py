@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
 from mobman.toml_model import Strict, read_toml, validate
 
@@ -25,8 +25,18 @@ class UrdfSource(Strict):
     packages: list[str] = []
     """Folders, relative to the TOML, that hold packages NAME of ``package://NAME/...``; the folders
     above the URDF are looked in as well."""
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
+    """Axis of the root link that points up."""
     lock: list[str] = []
     """Joints held at their rest position: names, or patterns such as ``"hand_*"``."""
+
+    @model_serializer(mode="wrap")
+    def _without_the_usual(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Descriptions, and with them the identity of runs, stay what they were without the field."""
+        fields: dict[str, Any] = plain(self)
+        if fields.get("up") == "z":
+            del fields["up"]
+        return fields
 
 
 class Mount(UrdfSource):
@@ -119,6 +129,11 @@ class RobotSpec(Strict):
     """Folder that a relative URDF path starts from; the TOML's own."""
     file: Path | None = Field(None, exclude=True)
     """The TOML that it was read from."""
+
+    @property
+    def parts(self) -> list[UrdfSource]:
+        """Its URDFs: the platform's, if there is one, then those of the mounts."""
+        return [*([] if self.urdf is None else [self.urdf]), *self.mount]
 
     @property
     def code(self) -> str:

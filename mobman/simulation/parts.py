@@ -154,9 +154,13 @@ def robot_of(
         spec = as_spec({**described, "folder": Path(), "file": None})
         if spec.code:
             spec = registered_as(described)
-        if len(files) != (spec.urdf is not None) + len(spec.mount):
+        if len(files) != len(spec.parts):
             raise RecordError("its robot's URDFs are not all in the file")
-        return build_robot(spec, UrdfSources(tuple(files)))
+        upright = (
+            dataclasses.replace(file, up=part.up)
+            for file, part in zip(files, spec.parts, strict=True)
+        )
+        return build_robot(spec, UrdfSources(tuple(upright)))
 
 
 def plant_of(

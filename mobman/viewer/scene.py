@@ -410,8 +410,7 @@ def _in_folder(spec: RobotSpec, place: Path) -> UrdfSources:
         SpecError: If one is missing, or the description names a file elsewhere.
     """
     folder = place.resolve()
-    parts = [part for part in (spec.urdf, *spec.mount) if part is not None]
-    for part in parts:
+    for part in spec.parts:
         path = (folder / part.path).resolve()
         if part.package is None and not path.is_relative_to(folder):
             raise SpecError(
@@ -419,7 +418,7 @@ def _in_folder(spec: RobotSpec, place: Path) -> UrdfSources:
                 "it drawn"
             )
     sources = urdf_sources(spec.model_copy(update={"folder": folder}))
-    files = zip(parts, sources.files, strict=True)
+    files = zip(spec.parts, sources.files, strict=True)
     return UrdfSources(
         tuple(file if part.package else replace(file, within=(folder,)) for part, file in files)
     )

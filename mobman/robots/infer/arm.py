@@ -25,6 +25,7 @@ from mobman.robots.infer.findings import (
 )
 from mobman.robots.infer.kinematics import Chain, Joint, Tree, followed, followers
 from mobman.robots.spec import Coupling, CriterionSource
+from mobman.robots.urdf.validate import listed
 
 _SHORT = 0.15  # m; a branch at the end of an arm that reaches no further is a finger
 _REACH = 0.05  # m; what reaches less far is no arm: a ball caster, for one
@@ -231,7 +232,8 @@ def choose_arm(tree: Tree, branches: Branches, tip: str | None) -> Arm:
         return Arm(joints, own, Inferred(tip, "as asked for"), reach(tree, chain, tip))
     if not arms:
         raise Undecided(
-            "no arm was found: beside the platform no joint moves; mount one by [[mount]] in a TOML file"
+            "no arm was found: beside the platform no joint moves; mount one by --mount ARM.urdf --on "
+            "LINK [--prefix P], or by [[mount]] in a TOML file; links: " + listed(tree.links)
         )
     if len(arms) > 1:
         raise Undecided(f"there are {len(arms)} arms: name the end of one by --tip: {listing}")
@@ -281,7 +283,8 @@ def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
 def _range(joint: Joint, lower: float, upper: float) -> tuple[float, float]:
     """The positions in which a joint with these limits may rest (m, rad)."""
     if joint.endless or not math.isfinite(upper - lower):
-        return -_ENDLESS, _ENDLESS
+        middle = min(max(0.0, lower), upper)  # one of the limits may be there
+        return max(lower, middle - _ENDLESS), min(upper, middle + _ENDLESS)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     half *= _INSIDE
     low, high = middle - half, middle + half

@@ -17,6 +17,8 @@ _NAMES, _ROOT, _ARM = 1.5, 1.0, 0.5  # how much each kind of evidence for forwar
 _CLEAR = 0.75  # less evidence than this is uncertain
 _NEAR = 0.02  # m; a place that near the middle is neither in front nor behind
 _EXACT = 1e-6  # rad
+_ALONG = 1e-2  # rad; rounded angles, such as 1.57 for a quarter of a turn
+_ROUNDED = (1e-3, 1e-3)  # rad, m; what is farther off is worth a word
 OMNI = Inferred("omni", "rollers across the wheel's axis")
 
 
@@ -43,6 +45,7 @@ class Forward:
         return np.array([-math.sin(self.heading), math.cos(self.heading)])
 
 
+_UP = np.array([0.0, 0.0, 1.0])
 _AHEAD = Forward(0.0, "the root link's x axis")
 
 
@@ -106,6 +109,27 @@ class Drive:
         centres = [w.joint.centre for w in self.driven]
         return np.array(np.mean(centres, axis=0)) if centres else None
 
+    def rounded(self) -> list[str]:
+        """Sentences about axes and axles that are not quite where the platform's equations have them."""
+        said, left = [], np.append(self.forward.left, 0.0)
+        exact = [] if self.wheels and self.kind.value == "omni" else self.rolling
+        for axis, of in ((left, [w.joint for w in exact]), (_UP, self.steering)):
+            for joint in of:
+                off = math.acos(min(abs(float(joint.axis @ axis)), 1.0))
+                if off > _ROUNDED[0]:
+                    said.append(
+                        f"the axis of {joint.name} is {1e3 * off:.3g} mrad off; taken as exact"
+                    )
+        ahead = np.append(self.forward.direction, 0.0)
+        for one, other in zip(self.right, self.left, strict=True):
+            apart = other.joint.centre - one.joint.centre
+            off = max(abs(float(apart @ ahead)), abs(float(apart[2])))
+            if off > _ROUNDED[1]:
+                said.append(
+                    f"{one.name} and {other.name} are {1e3 * off:.3g} mm from one axle; taken as on one"
+                )
+        return said
+
 
 def find_forward(
     tree: Tree, wheels: Sequence[Rolling], others: Sequence[Rolling], arms: Array
@@ -115,7 +139,7 @@ def find_forward(
     axes[axes @ axes[0] < 0.0] *= -1.0
     # the nearest axis of the root: what is off by rounded numbers in the URDF is meant to be along it
     across = axes.mean(axis=0) / np.linalg.norm(axes.mean(axis=0))
-    if np.linalg.norm(across - np.round(across)) < 5e-4:
+    if np.linalg.norm(across - np.round(across)) < _ALONG:
         across = np.round(across)
     ahead = np.array([across[1], -across[0]])
     centre = np.mean([w.joint.centre[:2] for w in wheels], axis=0)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.errors import SpecError
 from mobman.robots.infer.arm import (
     Arm,
     Branches,
@@ -45,6 +44,7 @@ from mobman.robots.infer.kinematics import (
 from mobman.robots.infer.wheels import (
     footprint,
     lowest_point,
+    pairs_of,
     rolling_wheels,
     settle_radius,
 )
@@ -54,6 +54,7 @@ from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, bounds
 
 _NO_DIRECTION = 0.001  # weight of a swerve platform's direction of travel
+_AXES = ("y", "-y", "x", "-x", "z")  # of a root link, the likeliest first
 _LONG = 1.0  # m; an arm of this reach moves its tip by a metre a radian
 
 
@@ -74,6 +75,7 @@ class Inference:
         weights: Of the posture criterion, where they are not the default.
         couplings: Of the criterion, too: what steers follows the arm.
         uncertain: What the user should look at.
+        warnings: What is not taken quite as the URDF has it.
     """
 
     urdf: UrdfFile
@@ -88,6 +90,7 @@ class Inference:
     weights: dict[str, Inferred]
     couplings: tuple[Coupling, ...]
     uncertain: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
         """The facts that a user looks at first, in values that JSON knows."""
@@ -115,11 +118,6 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         Undecided: If something takes an option; all that does is in the message.
     """
     robot = urdf.parse()
-    if any("xacro" in element.tag for element in robot.iter()):
-        raise SpecError(
-            f"{urdf.path} has xacro macros, which are not expanded yet; do: xacro {urdf.path.name} > "
-            "robot.urdf"
-        )
     tree = Tree(robot, urdf)
     virtual = virtual_joints(tree)
     ignored = {joint.name for joint in virtual}
@@ -133,10 +131,12 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         drive = find_drive(tree, wheels, options, ignored, arms, _hint(robot))
         uncertain += drive.uncertain
         if drive.rolling:
-            radius, doubts = settle_radius(tree, drive.driven, options)
+            others = [wheel for wheel in wheels if wheel.name not in drive.own]
+            radius, doubts = settle_radius(tree, drive.driven, others, options)
             uncertain += doubts
     except Undecided as error:
-        questions.append(str(error))
+        side = "" if wheels else _lies_on_its_side(urdf)
+        questions.append(side or str(error))
     if drive is not None:
         taken |= drive.own | {name for lock in drive.locks for name in lock.joints}
     locked_by_user = _matching(tree, options.lock)
@@ -145,7 +145,8 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     try:
         arm = choose_arm(tree, branches, options.tip)
     except Undecided as error:
-        questions.append(str(error))
+        known = "" if drive is None or questions else f" (found: {_told(drive, radius)})"
+        questions.append(f"{error}{known}")
     if questions or drive is None or arm is None:
         raise Undecided(f"{urdf.path}: {'; and '.join(questions)}")
     free = _free_followers(tree, branches, arm, drive.own | set(locked_by_user))
@@ -187,7 +188,33 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         weights=_weights(drive, radius, arm),
         couplings=tuple(couplings),
         uncertain=tuple(dict.fromkeys(uncertain)),
+        warnings=tuple(drive.rounded()),
     )
+
+
+def _told(drive: Drive, radius: Inferred | None) -> str:
+    """A platform in a clause."""
+    wheels = f", wheels {', '.join(w.name for w in drive.rolling)}" if drive.rolling else ""
+    return f"{drive.type.value} platform{wheels}" + (
+        "" if radius is None else f", radius {radius.value:.4g} m"
+    )
+
+
+def _lies_on_its_side(urdf: UrdfFile) -> str:
+    """The question where wheels would drive if another axis of the root link pointed up; else empty."""
+    turned = ((axis, replace(urdf, up=axis)) for axis in _AXES if axis != urdf.up)
+    for axis, file in turned:
+        tree = Tree(file.parse(), file)
+        wheels = rolling_wheels(tree, {joint.name for joint in virtual_joints(tree)})
+        for one, other in pairs_of(wheels)[:1]:
+            axle = 0.5 * (one.joint.centre + other.joint.centre)
+            if np.mean([place[2] for place in tree.position.values()]) > axle[2]:
+                across = {"x": "z", "y": "z", "z": "y"}[axis[-1]] if urdf.up == "z" else "up"
+                return (
+                    f"the root link lies on its side (wheel axes about {across}): {one.name} and "
+                    f"{other.name} would roll with its {axis} axis up; give --up {axis}"
+                )
+    return ""
 
 
 def _hint(robot: ET.Element) -> str:

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +16,11 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.robots.infer.findings import Inferred
 from mobman.robots.urdf.compose import flat_model, frame_of, root_link
-from mobman.robots.urdf.meshes import MeshReader, mesh_paths
+from mobman.robots.urdf.meshes import MeshReader, MeshReference, mesh_paths
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, Shape, Use, read_shapes, scalar
 
+_NO_BOUND = 1e8
 _WIDE = 30.0  # rad; limits so far apart are a way to write "none"
 _FULL_TURN = 4.0  # rad; a vertical joint that turns further is a swivel, one that does not steers
 _VERTICAL = _HORIZONTAL = 0.02  # rad
@@ -138,8 +138,8 @@ class Tree:
             kind=kind,
             parent=parent,
             child=child,
-            lower=-math.inf if endless else scalar(limit, "lower"),
-            upper=math.inf if endless else scalar(limit, "upper"),
+            lower=-math.inf if endless else _bound(scalar(limit, "lower")),
+            upper=math.inf if endless else _bound(scalar(limit, "upper")),
             follows=follows,
             centre=self.position[child],
             axis=np.array(axis),
@@ -194,17 +194,22 @@ class Tree:
             ]
         return self._shapes[link, use]
 
-    def lacks(self, filename: str) -> bool:
-        """True if a mesh of the URDF is missing, as many are of manufacturers' URDFs."""
-        return self._paths.get(filename) is None
+    def lacks(self, filename: str) -> str:
+        """Why a mesh of the URDF cannot be used, as many of manufacturers' URDFs; empty if it can."""
+        return self._found[filename].problem
 
     @cached_property
-    def _paths(self) -> dict[str, Path | None]:
-        return {mesh.filename: mesh.path for mesh in mesh_paths(self._robot, self._urdf)}
+    def _found(self) -> dict[str, MeshReference]:
+        return {mesh.filename: mesh for mesh in mesh_paths(self._robot, self._urdf)}
 
     def _vertices(self, filename: str) -> Array | None:
-        path = self._paths.get(filename)
+        path = self._found[filename].path
         return None if path is None else self._meshes.vertices(path)
+
+
+def _bound(limit: float) -> float:
+    """A limit (m, rad); infinite where it is so large that it is none."""
+    return limit if abs(limit) < _NO_BOUND else math.copysign(math.inf, limit)
 
 
 def names_of(joints: Iterable[Joint]) -> str:

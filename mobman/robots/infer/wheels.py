@@ -31,12 +31,13 @@ _TRAVEL = (0.2, 0.8)  # m, rad; a joint with less in front of a wheel is its sus
 _PARALLEL = 0.995
 _ROLLERS = 3  # joints behind a wheel that make rollers of them
 _FEW_JOINTS = 3  # in front of a wheel
+_SMALLEST = 0.005  # m; a wheel of that radius or less is one in another unit
 _LEAST = 0.01  # m; a wheel's radius is above this
 _DIGITS = 5
 _OTHER = 0.1  # of the radius; what is asked for and differs by more is likely a slip
 _LEANS = 0.5  # rad; what is more tilted turns about no wheel's axis
 _ALIKE = 0.1  # rad; between the axes of one pair, and between an axis and the way across
-_LEVEL = 0.001  # m, rad; what platforms with wheels allow between axles and axes
+_ALLOWED = (0.005, 0.01)  # m, rad; what platforms with wheels allow between axles and axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,13 +244,14 @@ def lowest_point(tree: Tree, links: Iterable[str]) -> Inferred | None:
 
 
 def settle_radius(
-    tree: Tree, wheels: Sequence[Rolling], options: Options
+    tree: Tree, wheels: Sequence[Rolling], others: Iterable[Rolling], options: Options
 ) -> tuple[Inferred, list[str]]:
     """The radius of the driven wheels and what is not certain about it.
 
     Sources are the collision geometry, the visual geometry and the axle's height above a footprint
     link; the first one counts, unless the other two agree against it. Where there is none of them,
-    it is the axle's height above the robot's lowest point. What is asked for comes before all.
+    it is the axle's height above the lowest point of casters and other wheels: they stand on the
+    ground, which a body with ground clearance does not. What is asked for comes before all.
 
     Raises:
         Undecided: If nothing tells.
@@ -273,18 +275,21 @@ def settle_radius(
             if abs(asked - source.value) > _OTHER * source.value
         ]
     if not sources:
-        lowest = lowest_point(tree, tree.rigid(tree.root))
+        standing = [link for w in others for link in tree.rigid(w.joint.child)]
+        standing += [link for link in tree.rigid(tree.root) if says(CASTER, link)]
+        lowest = lowest_point(tree, standing)
         if lowest is None or axle - lowest.value < _LEAST:
-            missing = [name for name in dict.fromkeys(wheels[0].meshes) if tree.lacks(name)]
-            meshes = f"its mesh {missing[0]} is missing" if missing else "no round mesh"
+            problems = [(name, tree.lacks(name)) for name in dict.fromkeys(wheels[0].meshes)]
+            missing = [f"its mesh {name} {problem}" for name, problem in problems if problem]
+            meshes = missing[0] if missing else "no round mesh"
             raise Undecided(
                 f"nothing tells the wheels' radius: {wheels[0].joint.child} has no cylinder or sphere, "
                 f"{meshes}, and there is no base_footprint below the axle: give --wheel-radius, or the "
                 "folders of the meshes by --package-path"
             )
         uncertain.append(
-            "the wheels' radius: their links have no geometry that was found; check it or give "
-            "--wheel-radius"
+            "the wheels' radius: their links have no geometry that was found, and the casters say where "
+            "the ground is; check it or give --wheel-radius"
         )
         return Inferred(round(axle - lowest.value, _DIGITS), f"axle above {lowest.why}"), uncertain
     taken = sources[0]
@@ -293,6 +298,16 @@ def settle_radius(
         if abs(second - third) <= SAME_RADIUS < abs(first - second):
             taken = sources[1]
     value, why = round(taken.value, _DIGITS), taken.why
+    apart = [
+        float(np.linalg.norm(a.joint.centre - b.joint.centre)) for a, b in combinations(wheels, 2)
+    ]
+    if value > (track := max(apart, default=math.inf)) or value < _SMALLEST:
+        than = f"they are {track:.4g} m apart" if value > track else "that is no wheel's"
+        unit = "; is its mesh in millimetres? Then give it scale 0.001" if "mesh" in why else ""
+        raise Undecided(
+            f"the wheels' radius would be {value:.4g} m ({why}), but {than}{unit}: correct the URDF, or "
+            "give --wheel-radius (m)"
+        )
     for other in sources:
         if other is not taken and abs(other.value - taken.value) > SAME_RADIUS:
             said = round(other.value, _DIGITS)
@@ -376,5 +391,5 @@ def _faults(tree: Tree, one: Joint, other: Joint) -> tuple[list[str], bool] | No
     ]
     if casters:
         faults.append(f"{' and '.join(casters)} swivels or is a caster's by its name")
-    nameable = max(*tilts, level, ahead, angle) <= _LEVEL
+    nameable = max(level, ahead) <= _ALLOWED[0] and max(*tilts, angle) <= _ALLOWED[1]
     return faults or ["they are not on the ground, or smaller than other wheels"], nameable

@@ -18,10 +18,10 @@ from tomlkit.items import Array, Table
 
 from mobman.errors import SpecError, UsageError
 from mobman.input_file import read_input
-from mobman.robots.catalogue import own_robots
 from mobman.robots.infer.findings import Inferred
 from mobman.robots.infer.infer import Inference
-from mobman.robots.spec import NAME, CriterionSource, UrdfSource
+from mobman.robots.places import own_robots
+from mobman.robots.spec import NAME, CriterionSource, Mount, UrdfSource
 from mobman.robots.urdf.read import parse_xml, urdf_file
 
 _WIDTH = 100
@@ -98,27 +98,42 @@ def choose_name(wanted: str | None, output: Path | None, inside: str, urdf: Path
     raise UsageError(f"{urdf}: no name for the robot; give --name")
 
 
-def robot_toml(found: Inference, name: str, source: UrdfSource) -> str:
-    """The text of a robot's TOML."""
-    path, drive, arm, standard = found.urdf.path, found.platform, found.arm, CriterionSource()
-    kind, joints = drive.type.value, f"{len(arm.joints)} joints"
+def robot_toml(
+    found: Inference,
+    name: str,
+    sources: Sequence[tuple[UrdfSource, set[str]]],
+    warnings: Sequence[str],
+    path: Path,
+) -> str:
+    """The text of a robot's TOML.
+
+    Args:
+        found: What was inferred.
+        name: The robot's name.
+        sources: Its URDFs, the platform's first, and the names of the joints in each.
+        warnings: What is to be known of the URDFs.
+        path: The file that they are from, for its licence.
+    """
+    drive, arm, standard = found.platform, found.arm, CriterionSource()
+    kind, joints, source = drive.type.value, f"{len(arm.joints)} joints", sources[0][0]
     place = source.path if source.package is None else f"{source.package}, {source.path}"
     origin = f"{place}, robot {found.robot_name!r} of the URDF"
     toml = tomlkit.document()
     _say(toml, _ABOUT.format(path.name), *(f"UNCERTAIN: {doubt}." for doubt in found.uncertain))
+    _say(toml, *(f"WARNING: {warning}." for warning in warnings))
     toml["schema"], toml["name"] = 1, name
     toml["description"] = f"{found.robot_name or path.stem}: {kind} platform, arm of {joints}"
     toml["source"] = "; ".join([origin, *_header(path)])
     toml["license"], toml["tags"] = licence(path), [kind]
-    named = {"package": Inferred(source.package), "path": Inferred(source.path)}
-    named["packages"] = Inferred(source.packages, "where package://NAME/... is")
-    urdf = _table(toml, "urdf", {key: said for key, said in named.items() if said.value})
-    if found.locks:
-        urdf["lock"] = _rows(
-            (pattern, "" if i else lock.why)
-            for lock in found.locks
-            for i, pattern in enumerate(patterns(lock.joints, found.joints))
-        )
+    mounted = tomlkit.aot()
+    for part, own in sources:
+        made = _part(part, own, found)
+        if isinstance(part, Mount):
+            mounted.append(made)
+        else:
+            toml["urdf"] = made
+    if mounted:
+        toml["mount"] = mounted
     platform = _table(toml, "platform", {"type": drive.type, **found.fields})
     if drive.rolling and (half := drive.half_track) is not None:
         _say(platform, f"half_track: half the distance of the wheels' centres is {half:.4f} m")
@@ -146,6 +161,32 @@ def robot_toml(found: Inference, name: str, source: UrdfSource) -> str:
     return tomlkit.dumps(toml)
 
 
+def _part(source: UrdfSource, own: set[str], found: Inference) -> Table:
+    """The table ``[urdf]`` or ``[[mount]]`` of a URDF with these joints."""
+    named = {"package": Inferred(source.package), "path": Inferred(source.path)}
+    named["packages"] = Inferred(source.packages, "where package://NAME/... is")
+    if source.up != "z":
+        named["up"] = Inferred(source.up, "the root link's axis that points up")
+    prefix = ""
+    if isinstance(source, Mount):
+        prefix = source.prefix
+        named |= {"parent": Inferred(source.parent, "as asked for"), "prefix": Inferred(prefix)}
+    table = tomlkit.table()
+    _fill(table, {key: said for key, said in named.items() if said.value})
+    locked = [
+        (tuple(n.removeprefix(prefix) for n in lock.joints if n.removeprefix(prefix) in own), lock)
+        for lock in found.locks
+    ]
+    movable = [n.removeprefix(prefix) for n in found.joints if n.removeprefix(prefix) in own]
+    if any(names for names, _ in locked):
+        table["lock"] = _rows(
+            (pattern, "" if i else lock.why)
+            for names, lock in locked
+            for i, pattern in enumerate(patterns(names, movable))
+        )
+    return table
+
+
 def _table(
     parent: Table | TOMLDocument,
     name: str,
@@ -158,12 +199,16 @@ def _table(
     if beside:
         table.comment(beside)
     _say(table, *about)
+    _fill(table, findings)
+    parent[name] = table
+    return table
+
+
+def _fill(table: Table, findings: Mapping[str, Inferred]) -> None:
     for key, finding in findings.items():
         table[key] = finding.value
         if finding.why:
             table[key].comment(_clean(finding.why))
-    parent[name] = table
-    return table
 
 
 def _rows(rows: Iterable[tuple[Any, str]]) -> Array:
@@ -218,7 +263,9 @@ def _candidates(name: str) -> list[str]:
     return [f"{escape(head)}*{escape(tail)}" for head, tail in (*both, *ends)]
 
 
-def urdf_source(urdf: Path, folder: Path | None, packages: Sequence[Path] = ()) -> UrdfSource:
+def urdf_source(
+    urdf: Path, folder: Path | None, packages: Sequence[Path] = (), up: str = "z"
+) -> UrdfSource:
     """The ``[urdf]`` table of a file, without ``lock``, with folders that hold packages of meshes.
 
     Paths are relative to the TOML's folder where one is above the other, absolute if that is None.
@@ -227,13 +274,14 @@ def urdf_source(urdf: Path, folder: Path | None, packages: Sequence[Path] = ()) 
     named = [_path_from(path.resolve(), folder) for path in packages]
     for robots in urdf.parents:
         if robots.parts[-2:] == (_PACKAGE, "robots"):
-            source = UrdfSource(path=urdf.relative_to(robots).as_posix(), package=_PACKAGE)
+            place = urdf.relative_to(robots).as_posix()
+            source = UrdfSource(path=place, package=_PACKAGE, up=up)
             try:
                 if urdf_file(source, Path(), "").path == urdf:  # the package has this very file
                     return source.model_copy(update={"packages": named})
             except SpecError:
                 pass
-    return UrdfSource(path=_path_from(urdf, folder), packages=named)
+    return UrdfSource(path=_path_from(urdf, folder), packages=named, up=up)
 
 
 def _path_from(path: Path, folder: Path | None) -> str:

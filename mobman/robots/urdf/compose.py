@@ -14,7 +14,7 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.robots.spec import Mount
-from mobman.robots.urdf.validate import NUMBERS, numbers, shape_of
+from mobman.robots.urdf.validate import NUMBERS, limit_of, numbers, shape_of
 
 BASE_JOINTS = ("base_x", "base_y", "base_theta")
 """The platform's pose: along the world's x and y (m), about its z (rad)."""
@@ -28,6 +28,13 @@ _PINOCCHIOS = "universe"  # its joint 0
 _OWN = "mobman/"  # begins the names of what is added, lest the URDF have them too
 LINK = f"{_OWN}link/"
 """Begins the name of a link whose own name a joint has, too: Pinocchio makes frames of both."""
+_UPRIGHT = {  # roll, pitch and yaw that turn an axis of the root link up (rad)
+    "x": (0.0, -0.5 * math.pi, 0.0),
+    "-x": (0.0, 0.5 * math.pi, 0.0),
+    "y": (0.5 * math.pi, 0.0, 0.0),
+    "-y": (-0.5 * math.pi, 0.0, 0.0),
+    "-z": (math.pi, 0.0, 0.0),
+}
 _WITHOUT_EFFECT = ("transmission", "gazebo")  # and they name joints and links, which get a prefix
 _UNIT = 1e-12
 _NOT_READ = ("safety_controller", "calibration")
@@ -41,7 +48,8 @@ def tidy(robot: ET.Element, name: str) -> None:
     strictest of them wants it, and what concerns neither the motion nor the picture is left out:
 
     - axes become unit vectors, as every reader makes them, and numbers are separated by single spaces;
-    - an effort or velocity limit that is not given is 0, which stands for "not known";
+    - an effort or velocity limit that is not given or infinite is 0, which stands for "not known";
+    - a revolute joint with an infinite range is continuous, other infinite limits are huge ones;
     - a fixed joint has no axis, limit, dynamics or mimic, and a continuous one no lower and upper limit;
     - a ``<visual>`` or ``<collision>`` without a shape that URDFs know (``<capsule>``) is left out;
     - colours are in the ``<visual>`` elements that have them, since robots that are put together may
@@ -76,6 +84,11 @@ def _tidy_joint(joint: ET.Element) -> None:
     limit, dynamics, axis = joint.find("limit"), joint.find("dynamics"), joint.find("axis")
     if limit is not None:
         limit.attrib.update(_UNKNOWN | limit.attrib)
+        infinite = {key for key in limit.attrib if _is_infinite(key, limit.get(key, ""))}
+        limit.attrib.update({key: {**_UNKNOWN, **_UNBOUNDED}[key] for key in infinite})
+        if kind == "revolute" and infinite >= _UNBOUNDED.keys():
+            kind = "continuous"
+            joint.set("type", kind)
         if kind == "continuous":
             for attribute in _UNBOUNDED:
                 limit.attrib.pop(attribute, None)
@@ -87,6 +100,12 @@ def _tidy_joint(joint: ET.Element) -> None:
             # by the largest first: the squares of tiny or huge numbers are 0 or infinite
             scaled = [value / max(map(abs, xyz)) for value in xyz]
             axis.set("xyz", _text([value / math.hypot(*scaled) for value in scaled]))
+
+
+def _is_infinite(attribute: str, text: str) -> bool:
+    """True if an attribute of ``<limit>`` says that there is none."""
+    value = limit_of(attribute, text) if attribute in NUMBERS["limit"] else None
+    return value is not None and math.isinf(value)
 
 
 def _tidy_colour(visual: ET.Element, colours: dict[str, ET.Element]) -> None:
@@ -111,6 +130,19 @@ def _has_look(material: ET.Element) -> bool:
             return True
         material.remove(colour)
     return texture is not None and bool(texture.get("filename"))
+
+
+def turn_up(robot: ET.Element, axis: str, where: str) -> None:
+    """Put a link in front of the root link whose z axis is one of the root's: what is up.
+
+    Raises:
+        SpecError: If it has not exactly one root link.
+    """
+    if axis in _UPRIGHT:
+        root, upright = root_link(robot, where), f"{_OWN}upright"
+        ET.SubElement(robot, "link", name=upright)
+        joint = _joint(robot, upright, "fixed", upright, root)
+        ET.SubElement(joint, "origin", xyz="0 0 0", rpy=_text(_UPRIGHT[axis]))
 
 
 class Mounted(NamedTuple):

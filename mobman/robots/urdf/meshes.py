@@ -7,6 +7,7 @@ it, or to those that packages are looked for in.
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import re
@@ -14,16 +15,18 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from mobman.arrays import Array, Index
 from mobman.errors import MobmanError, SpecError
 from mobman.isolation import helper, limits
-from mobman.robots.urdf.read import UrdfFile
+from mobman.robots.urdf.read import UrdfFile, text_of
 from mobman.robots.urdf.validate import listed
 
 FORMATS = (".stl", ".dae", ".obj", ".ply", ".off", ".gltf", ".glb")
@@ -31,9 +34,13 @@ FORMATS = (".stl", ".dae", ".obj", ".ply", ".off", ".gltf", ".glb")
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://(.*)", re.DOTALL)
 _FIND = re.compile(r"(?:file://)?\$\(find\s+([^\s()]+)\)/?(.*)", re.DOTALL)
+_MESH = re.compile(r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(.*?)\2""", re.DOTALL)
+_ENCODING = re.compile(r"""(\A<\?xml[^>]*?encoding\s*=\s*["'])[A-Za-z0-9._-]+(["'])""")
 _NAME = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 _MANIFEST_BYTES = 65536
 _TOLD = 5
+_DEEP = 4  # folders that are looked through for a name like one that is missing
+_LOOKED_AT = 10_000  # names in each
 # Processor time and memory that reading a mesh may take.
 _SECONDS, _SECONDS_PER_MB = 6.0, 2.0
 _MEGABYTES, _MEGABYTES_PER_MB = 600.0, 100.0
@@ -92,6 +99,21 @@ def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
         element.set("filename", str(mesh.path))
 
 
+def with_absolute_meshes(urdf: UrdfFile) -> bytes:
+    """A URDF's text, in UTF-8, with the file names of the meshes that are found as absolute paths.
+
+    All else is as it was, comments included, so that the copy says what the original did wherever it is.
+    """
+    paths = {mesh.filename: mesh.path for mesh in mesh_paths(urdf.parse(), urdf)}
+
+    def replaced(match: re.Match[str]) -> str:
+        path = paths.get(html.unescape(match[3]).strip())
+        return match[0] if path is None else match[1] + quoteattr(str(path))
+
+    text = _MESH.sub(replaced, text_of(urdf.content, f"the URDF {urdf.path}"))
+    return _ENCODING.sub(r"\1UTF-8\2", text.lstrip("\ufeff"), count=1).encode()
+
+
 def _located(robot: ET.Element, finder: _MeshFinder) -> Iterator[tuple[MeshReference, ET.Element]]:
     locate = cache(finder.locate)
     for link in robot.findall("link"):
@@ -99,6 +121,11 @@ def _located(robot: ET.Element, finder: _MeshFinder) -> Iterator[tuple[MeshRefer
             for element in link.findall(f"{use}/geometry/mesh"):
                 name = element.get("filename", "").strip()
                 yield MeshReference(link.get("name", ""), use, name, *locate(name)), element
+
+
+def package_folders(name: str, urdf: UrdfFile) -> list[Path]:
+    """The folders of a package, as ``package://NAME/...`` in a URDF finds it; none where it is not."""
+    return _MeshFinder(urdf).package(name)
 
 
 class _MeshFinder:
@@ -132,6 +159,7 @@ class _MeshFinder:
         return path, ""
 
     def _find(self, name: str) -> tuple[Path | None, str]:
+        name = name.replace("\\", "/")  # as some programs write on Windows
         if found := _FIND.fullmatch(name):
             return self._find_in_package(found[1], found[2])
         if found := _SCHEME.fullmatch(name):
@@ -146,8 +174,9 @@ class _MeshFinder:
         folders = [self._beside]
         if not os.path.isabs(name) and not _leads_out(name):
             folders += self.folders
-        path = _first([folder / name for folder in folders])
-        return path, "" if path else "is not there"
+        places = [folder / name for folder in folders]
+        path = _first(places)
+        return path, "" if path else f"is not there{_near(places)}"
 
     def _find_in_package(self, package: str, inner: str) -> tuple[Path | None, str]:
         inner = inner.lstrip("/")
@@ -155,13 +184,14 @@ class _MeshFinder:
             return None, "names no file of a package; allowed: package://NAME/FILE"
         if _leads_out(inner) or _leads_out(unquote(inner)):
             return None, f"leads outside its package {package!r}, which is not allowed"
-        folders = self._package(package)
+        folders = self.package(package)
         if not folders:
             return None, f"is missing: there is no package {package!r}"
-        path = _first([folder / inner for folder in folders])
-        return path, "" if path else f"is missing in {listed(map(str, folders))}"
+        places = [folder / inner for folder in folders]
+        path = _first(places)
+        return path, "" if path else f"is missing in {listed(map(str, folders))}{_near(places)}"
 
-    def _package(self, name: str) -> list[Path]:
+    def package(self, name: str) -> list[Path]:
         """The folders of a package, the first one preferred; none if it is not found."""
         if name in (".", ".."):
             return []
@@ -185,6 +215,37 @@ def _first(candidates: Sequence[Path]) -> Path | None:
             if _is_there(path):
                 return path.parent.resolve() / path.name
     return None
+
+
+def _near(candidates: Sequence[Path]) -> str:
+    """The end of a message about files that are not there: one whose name differs in case or format."""
+    for wanted in candidates:
+        place, missing = wanted.parent, [wanted.name]
+        while not _is_there(place, folder=True) and place != place.parent:
+            missing.insert(0, place.name)
+            place = place.parent
+        if missing[0] in ("", "..") or len(missing) > _DEEP:
+            continue
+        for name in missing:
+            try:
+                names = sorted(entry.name for entry in islice(os.scandir(place), _LOOKED_AT))
+            except OSError:
+                break
+            alike = [one for one in names if one.lower() == name.lower()]
+            if not alike and name == wanted.name:
+                stem = Path(name).stem.lower()
+                alike = [
+                    one
+                    for one in names
+                    if Path(one).stem.lower() == stem and Path(one).suffix.lower() in FORMATS
+                ]
+            if not alike:
+                break
+            place = place / alike[0]
+        else:
+            start = wanted.parts[: len(wanted.parts) - len(missing)]
+            return f"; there is {place.relative_to(Path(*start))}"
+    return ""
 
 
 def _is_there(path: Path, *, folder: bool = False) -> bool:

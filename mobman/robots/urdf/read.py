@@ -8,6 +8,7 @@ namespace nobody declared, and the tools that read URDFs do not mind.
 from __future__ import annotations
 
 import codecs
+import copy
 import hashlib
 import os
 import re
@@ -22,10 +23,11 @@ from xml.parsers import expat
 from mobman.errors import SpecError
 from mobman.input_file import read_input
 from mobman.robots.spec import RobotSpec, UrdfSource
-from mobman.robots.urdf.compose import tidy
+from mobman.robots.urdf.compose import tidy, turn_up
 from mobman.robots.urdf.validate import Validation
 
-_MEGABYTES = 5.0
+MEGABYTES = 5.0
+"""Largest size of a URDF (MB)."""
 _DEEPEST = 100
 _DECLARED = re.compile(rb"""<\?xml[^>]{0,200}?encoding\s*=\s*["']([A-Za-z0-9._-]+)["']""")
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -56,19 +58,21 @@ class UrdfFile:
         package_folders: Folders that may hold a package NAME of ``package://NAME/...``.
         kept: Its content, where that is not read from disk: a run's record keeps it.
         within: The folders that its meshes must lie in, apart from those of ROS; None for any.
+        up: The axis of its root link that points up, such as ``"y"``.
     """
 
     path: Path
     package_folders: tuple[Path, ...]
     kept: bytes | None = field(default=None, repr=False)
     within: tuple[Path, ...] | None = None
+    up: str = "z"
 
     @cached_property
     def content(self) -> bytes:
         """The file's content as it was when first asked for: what the robot was made of."""
         if self.kept is not None:
             return self.kept
-        return read_input(self.path, "URDF", _MEGABYTES, "geometry belongs in meshes")
+        return read_input(self.path, "URDF", MEGABYTES, "geometry belongs in meshes")
 
     def sha256(self) -> str:
         return hashlib.sha256(self.content).hexdigest()
@@ -84,6 +88,25 @@ class UrdfFile:
                 the file and, of every problem, the line, the link or joint, the field, what was found,
                 and what is allowed.
         """
+        return copy.deepcopy(self._checked[0])
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Everything in it that is left out since it is wrong, in sentences."""
+        return self._checked[1]
+
+    @property
+    def friction(self) -> tuple[str, ...]:
+        """The joints to which ``<dynamics>`` gives damping or friction."""
+        return tuple(
+            joint.get("name", "")
+            for joint in self._checked[0].findall("joint")
+            if (given := joint.find("dynamics")) is not None
+            and any(float(given.get(name, 0.0)) > 0.0 for name in ("damping", "friction"))
+        )
+
+    @cached_property
+    def _checked(self) -> tuple[ET.Element, tuple[str, ...]]:
         where = f"the URDF {self.path}"
         robot, lines = parse_xml(self.content, where)
         if robot.tag != "robot":
@@ -91,7 +114,7 @@ class UrdfFile:
             advice = f": it is {other}; convert it, or find the robot's URDF" if other else ""
             raise SpecError(f"{where} starts with <{robot.tag}>, not with <robot>{advice}")
 
-        validation, macro = Validation(where, lines), next(_macros(robot), None)
+        validation, macro = Validation(where, lines), next(macros(robot), None)
         without_links = robot.find("link") is None
         if not (macro or without_links):
             validation.check(robot)
@@ -100,7 +123,8 @@ class UrdfFile:
         if macro is not None:
             raise SpecError(
                 f"{where}, line {lines[macro[0]]}: {macro[1]} is for xacro, which makes a URDF of it; "
-                f"run xacro first: xacro {self.path.name} > robot.urdf"
+                f"add it by 'mobman robots add {self.path.name}', which expands it, or run xacro "
+                f"first: xacro {self.path.name} > robot.urdf"
             )
         if without_links:
             advice = ""
@@ -108,8 +132,11 @@ class UrdfFile:
                 advice = ": it is an SRDF (MoveIt's groups and poses); give the robot's URDF"
             raise SpecError(f"{where} has no <link>{advice}")
         validation.raise_any()
+        for link, part, _ in validation.left_out:
+            link.remove(part)
         tidy(robot, self.path.stem)
-        return robot
+        turn_up(robot, self.up, where)
+        return robot, tuple(said for *_, said in validation.left_out)
 
 
 @dataclass(frozen=True)
@@ -164,7 +191,7 @@ def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
         packages += [share]
     if not os.path.exists(path):
         raise SpecError(f"{field}.path': there is no URDF at {path}")
-    return UrdfFile(path, tuple(packages))
+    return UrdfFile(path, tuple(packages), up=source.up)
 
 
 def _resolved(path: Path, field: str) -> Path:
@@ -193,7 +220,7 @@ def _share_folder(field: str, package: str) -> Path:
     )
 
 
-def _macros(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
+def macros(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
     """Elements and expressions of the language of xacro, which most URDFs are written in.
 
     A mere call of a macro that nobody defines is none: older versions of xacro leave such calls in what
@@ -231,7 +258,7 @@ def parse_xml(content: bytes, where: str) -> tuple[ET.Element, dict[ET.Element, 
     Raises:
         SpecError: If it is not XML, declares a document type, or is nested without end.
     """
-    text = _text(content, where)
+    text = text_of(content, where)
     start = text.lstrip("\ufeff \t\r\n")
     if not start.startswith("<"):
         shown = repr(start[:20] + ("..." if len(start) > 20 else ""))
@@ -282,7 +309,7 @@ def parse_xml(content: bytes, where: str) -> tuple[ET.Element, dict[ET.Element, 
     return builder.close(), lines
 
 
-def _text(content: bytes, where: str) -> str:
+def text_of(content: bytes, where: str) -> str:
     """The file's text, by the encoding that it names; UTF-8 by default."""
     if content.startswith(_UTF_16):
         encoding = "utf-16"

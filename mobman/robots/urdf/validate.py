@@ -5,11 +5,12 @@ number, and takes two links of one name or a robot of two parts for what it is n
 means the same to every reader.
 
 Refused is only what makes no sense: inertias that no body can have but that programs write (zero, or
-against the triangle inequality) are the business of ``mobman robots check``.
+against the triangle inequality) are the business of ``mobman robots check``. Geometry is only for
+looking: what is wrong with it is left out, and said.
 
 Only what every reader of URDFs takes is a number: digits with a decimal point and an exponent, as XML
 Schema writes a double, whatever the locale. ``nan``, ``inf``, ``0x10``, ``1_000``, ``0,5`` and
-``0.1 m`` are none.
+``0.1 m`` are none; but limits may be infinite, and an effort or a velocity -1, which means none.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ SHAPES = ("box", "cylinder", "sphere", "mesh")
 _LIMITED = ("revolute", "prismatic")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+")
+_INFINITE = re.compile(r"([+-]?)\.?inf(?:inity)?", re.IGNORECASE)
 _ROUNDING = 1e-12  # moments (kg m^2) below zero by no more than this come from a program's rounding
 MOST_LINKS, MOST_JOINTS = 500, 150
 _TOLD = 5  # problems, and names in a list
@@ -115,6 +117,20 @@ def number(text: str) -> float | None:
     return values[0] if values is not None and len(values) == 1 else None
 
 
+def limit_of(attribute: str, text: str) -> float | None:
+    """The number of an attribute of ``<limit>``, infinite where there is no limit; None if it is none.
+
+    Infinite are a lower limit of -inf, an upper limit, an effort and a velocity of inf, and an effort
+    and a velocity of -1.
+    """
+    infinite = _INFINITE.fullmatch(text.strip())
+    if infinite is not None:
+        below = infinite[1] == "-"
+        return None if below != (attribute == "lower") else -math.inf if below else math.inf
+    value = number(text)
+    return math.inf if value == -1.0 and attribute in ("effort", "velocity") else value
+
+
 def shape_of(use: ET.Element) -> ET.Element | None:
     """The shape of a ``<visual>`` or ``<collision>`` element.
 
@@ -152,10 +168,12 @@ class Validation:
 
     Attributes:
         found: Lines, and what is wrong there.
+        left_out: Links, their ``<visual>`` or ``<collision>`` elements that cannot be drawn, and why.
     """
 
     def __init__(self, where: str, lines: Mapping[ET.Element, int]) -> None:
         self.found: list[tuple[int, str]] = []
+        self.left_out: list[tuple[ET.Element, ET.Element, str]] = []
         self._where = where
         self._lines = lines
 
@@ -225,9 +243,14 @@ class Validation:
         for attribute, allowed in NUMBERS[element.tag].items():
             text = element.get(attribute)
             fault = ""
+            if text is not None and element.tag == "limit":
+                value = limit_of(attribute, text)
+                given = None if value is None else [value]
+            else:
+                given = None if text is None else numbers(text)
             if text is None and allowed.required:
                 fault = f"has no {attribute!r}; allowed: {allowed}"
-            elif text is not None and not allowed.allow(numbers(text)):
+            elif text is not None and not allowed.allow(given):
                 fault = f"{attribute} is {_shown(text)}; allowed: {allowed}"
                 if any(_WITH_COMMA.fullmatch(part) for part in text.split()):
                     fault += ", with a decimal point"
@@ -249,16 +272,24 @@ class Validation:
                     )
                 self._check_numbers(element, owner)
         for part in (*link.findall("visual"), *link.findall("collision")):
-            owner, shape = f"link {link.get('name', '')!r}: {part.tag}", shape_of(part)
-            self._check_origin(part, owner)
-            self._check_numbers(shape, owner)
-            if shape is None or shape.tag != "mesh":
-                continue
-            if not shape.get("filename", "").strip():
-                self._add(shape, f"{owner}: <mesh> has no 'filename'")
-            scale = shape.get("scale", "1 1 1")
-            if 0.0 in (numbers(scale) or []):
-                self._add(shape, f"{owner}: <mesh> scale is {_shown(scale)}; allowed: not 0")
+            before = len(self.found)
+            self._check_shape(part, f"link {link.get('name', '')!r}: {part.tag}")
+            if faults := self.found[before:]:
+                del self.found[before:]
+                said = "; ".join(f"line {line}: {text}" for line, text in faults)
+                self.left_out.append((link, part, f"{said}: this <{part.tag}> is left out"))
+
+    def _check_shape(self, part: ET.Element, owner: str) -> None:
+        shape = shape_of(part)
+        self._check_origin(part, owner)
+        self._check_numbers(shape, owner)
+        if shape is None or shape.tag != "mesh":
+            return
+        if not shape.get("filename", "").strip():
+            self._add(shape, f"{owner}: <mesh> has no 'filename'")
+        scale = shape.get("scale", "1 1 1")
+        if 0.0 in (numbers(scale) or []):
+            self._add(shape, f"{owner}: <mesh> scale is {_shown(scale)}; allowed: not 0")
 
     def _check_origin(self, element: ET.Element, owner: str) -> None:
         origin = element.find("origin")
@@ -313,7 +344,7 @@ class Validation:
                 f"velocity){also}",
             )
             return
-        lower, upper = (number(limit.get(bound, "0")) for bound in ("lower", "upper"))
+        lower, upper = (limit_of(bound, limit.get(bound, "0")) for bound in ("lower", "upper"))
         if lower is not None and upper is not None and lower > upper:
             self._add(
                 limit,

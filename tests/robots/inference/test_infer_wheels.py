@@ -360,20 +360,31 @@ def test_radius_of_a_hub_is_not_that_of_the_wheel(inferred, tmp_path):
     robot = Robot(body=False)
     for side, y in (("right", -0.2), ("left", 0.2)):
         robot.wheel(f"{side}_wheel", (0, y, 0.1), "z", visual=[mesh("hub.stl"), mesh("tyre.stl")])
-    with pytest.raises(Undecided, match=r"tyre.stl is missing"):
+    with pytest.raises(Undecided, match=r"tyre.stl is not there"):
         inferred(robot.arm())
 
 
-def test_radius_from_the_lowest_point_is_uncertain(inferred):
+def test_radius_from_a_caster_is_uncertain(inferred):
     robot = Robot()
-    robot.link("foot", collision=[box(0.02, 0.02, 0.02)]).joint(
-        "foot_fixed", "fixed", "base_link", "foot", (0.1, 0, -0.06)
+    robot.link("ball_caster", collision=[sphere(0.02)]).joint(
+        "ball_caster_fixed", "fixed", "base_link", "ball_caster", (0.1, 0, -0.05)
     )
     for side, y in (("right", -0.2), ("left", 0.2)):
         robot.wheel(f"{side}_wheel", (0, y, 0.03), collision=[box(0.1, 0.04, 0.1)])
     found = inferred(robot.arm())
     assert found.fields["wheel_radius"].value == pytest.approx(0.1)
     assert any("radius" in doubt for doubt in found.uncertain)
+
+
+def test_radius_is_never_guessed_from_what_has_ground_clearance(inferred):
+    robot = Robot()
+    robot.link("tray", collision=[box(0.02, 0.02, 0.02)]).joint(
+        "tray_fixed", "fixed", "base_link", "tray", (0.1, 0, -0.06)
+    )
+    for side, y in (("right", -0.2), ("left", 0.2)):
+        robot.wheel(f"{side}_wheel", (0, y, 0.03), collision=[box(0.1, 0.04, 0.1)])
+    with pytest.raises(Undecided, match="--wheel-radius"):
+        inferred(robot.arm())
 
 
 def test_sources_that_disagree_are_named(inferred):

@@ -111,13 +111,15 @@ def test_path_is_relative_where_one_folder_is_above_the_other(run, urdf, tmp_pat
     mm.load_robot(folder / "r.toml")
 
 
-def test_goes_to_the_users_folder_with_an_absolute_path(run, urdf, data_home):
+def test_goes_to_the_users_folder_with_a_copy_of_the_urdf(run, urdf, data_home):
     done = run(urdf, "--name", "mine")
     assert done.exit_code == 0, done.exception
     (written,) = data_home.rglob("*.toml")
     assert written.name == "mine.toml"
-    assert tomllib.loads(written.read_text())["urdf"]["path"] == str(urdf.resolve())
+    assert tomllib.loads(written.read_text())["urdf"]["path"] == "mine.urdf"
     assert "mobman run mine" in done.output
+    urdf.unlink()
+    assert mm.load_robot("mine").n == 6
 
 
 def test_package_paths_are_kept(run, tmp_path):

@@ -1,0 +1,1 @@
+"""What users name as a robot's description, and how it becomes a URDF on disk."""

@@ -1,0 +1,176 @@
+"""A robot's description from what a user names: its URDFs, and what is inferred of them."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from mobman.errors import SpecError
+from mobman.robots.incoming.incoming import Incoming, incoming
+from mobman.robots.infer.findings import Options, Undecided
+from mobman.robots.infer.infer import Inference, infer
+from mobman.robots.infer.write import choose_name, robot_toml, urdf_source
+from mobman.robots.spec import Mount, RobotSpec, UrdfSource
+from mobman.robots.urdf.compose import Mounted, compose
+from mobman.robots.urdf.meshes import mesh_paths
+from mobman.robots.urdf.read import UrdfFile
+from mobman.robots.urdf.validate import listed
+from mobman.toml_model import validate
+
+
+class OnLink(NamedTuple):
+    """Something to be mounted."""
+
+    source: str
+    """As of :func:`incoming`."""
+    link: str | None
+    """Link that carries it; None if the user did not say."""
+    prefix: str = ""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A URDF of a robot.
+
+    Attributes:
+        given: Where it came from.
+        file: It.
+        mount: How it is mounted; None for the platform's.
+    """
+
+    given: Incoming
+    file: UrdfFile
+    mount: OnLink | None = None
+
+    def source(self, path: Path, folder: Path | None, packages: Sequence[Path]) -> UrdfSource:
+        """The table of a TOML in a folder (None: in the user's) for this part, its file at a path."""
+        own = urdf_source(path, folder, packages, self.file.up)
+        if self.mount is None:
+            return own
+        parent, prefix = str(self.mount.link), self.mount.prefix
+        return Mount(**own.model_dump(), parent=parent, prefix=prefix)
+
+
+@dataclass(frozen=True)
+class Described:
+    """A robot as it is found.
+
+    Attributes:
+        name: A name for it.
+        parts: Its URDFs: the platform's, then what is mounted.
+        found: What was inferred of all of them together.
+        packages: Folders that the user named for the meshes.
+        warnings: What was done to get the files, and what of them has no effect.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    found: Inference
+    packages: tuple[Path, ...]
+    warnings: tuple[str, ...]
+
+    def toml(self, sources: Sequence[UrdfSource]) -> str:
+        """The text of its TOML, with these tables for its parts."""
+        names = [
+            {joint.get("name", "") for joint in part.file.parse().findall("joint")}
+            for part in self.parts
+        ]
+        origin = self.parts[0].given.origin or self.parts[0].file.path
+        return robot_toml(
+            self.found, self.name, list(zip(sources, names, strict=True)), self.warnings, origin
+        )
+
+    def spec(self) -> RobotSpec:
+        """The description itself, its files where they are."""
+        sources = [part.source(part.file.path, None, self.packages) for part in self.parts]
+        content = tomllib.loads(self.toml(sources))
+        where = f"{self.parts[0].file.path} as it is taken"
+        return validate(RobotSpec, {**content, "folder": Path.cwd()}, where)
+
+
+def describe(
+    source: str | os.PathLike[str],
+    options: Options | None = None,
+    *,
+    name: str | None = None,
+    output: Path | None = None,
+    up: str = "z",
+    mounts: Sequence[OnLink] = (),
+    packages: Sequence[Path] = (),
+    arguments: Mapping[str, str] | None = None,
+) -> Described:
+    """Find out everything about a robot that its description needs.
+
+    Args:
+        source: As of :func:`incoming`.
+        options: Facts that the user gives.
+        name: Its name, if the user gives one; ``output`` and the files suggest others.
+        output: The TOML that is to be written.
+        up: Axis of the root link that points up.
+        mounts: What is to be mounted on it.
+        packages: Folders of packages of meshes, and of xacro files.
+        arguments: Of xacro files.
+
+    Raises:
+        UsageError: If there is no such file, or several.
+        SpecError: If a file is no URDF that makes sense.
+        Undecided: If something takes an option; all that does is in the message.
+    """
+    parts = [_part(source, packages, arguments, up=up)]
+    parts += [_part(m.source, packages, arguments, mount=m) for m in mounts]
+    base = parts[0]
+    inside = base.file.parse().get("name", "")
+    chosen = choose_name(name, output, inside, base.given.origin or base.file.path)
+    whole = base.file if len(parts) == 1 else _mounted(parts)
+    found = infer(whole, options or Options())
+    said = [text for part in parts for text in (*part.given.said, *part.file.remarks)]
+    if stated := [name for part in parts for name in part.file.friction]:
+        said.append(
+            f"<dynamics> gives damping or friction to {len(stated)} joints ({listed(stated)}), which "
+            "the equations leave out: the scenario 'urdf-friction' has them"
+        )
+    warnings = tuple(dict.fromkeys((*said, *found.warnings)))
+    return Described(chosen, tuple(parts), found, tuple(packages), warnings)
+
+
+def _part(
+    source: str | os.PathLike[str],
+    packages: Sequence[Path],
+    arguments: Mapping[str, str] | None,
+    *,
+    up: str = "z",
+    mount: OnLink | None = None,
+) -> Part:
+    given = incoming(source, packages=packages, arguments=arguments)
+    folders = (*given.packages, *given.path.parents)
+    return Part(given, UrdfFile(given.path, folders, up=up), mount)
+
+
+def _mounted(parts: Sequence[Part]) -> UrdfFile:
+    """One URDF of all parts, as the description will have them, its meshes by absolute paths."""
+    trees, base = [], parts[0].file
+    for part in parts:
+        tree = part.file.parse()
+        paths = {mesh.filename: mesh.path for mesh in mesh_paths(tree, part.file)}
+        for mesh in tree.iter("mesh"):
+            if (path := paths.get(mesh.get("filename", "").strip())) is not None:
+                mesh.set("filename", str(path))
+        trees.append(tree)
+    mounted = []
+    for tree, part in zip(trees[1:], parts[1:], strict=True):
+        assert part.mount is not None
+        if part.mount.link is None:
+            links = ", ".join(link.get("name", "") for link in trees[0].findall("link"))
+            raise Undecided(f"which link carries {part.mount.source}? Give --on; links: {links}")
+        mount = Mount(path=str(part.file.path), parent=part.mount.link, prefix=part.mount.prefix)
+        mounted.append(Mounted(tree, mount, f"--mount {part.mount.source}: field 'mount"))
+    try:
+        whole = compose(trees[0], mounted)
+    except SpecError as error:
+        raise Undecided(f"{error} (by --on, --prefix)") from error
+    return UrdfFile(base.path, base.package_folders, ET.tostring(whole))
