@@ -18,6 +18,8 @@ from mobman.errors import SpecError, UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import Follower, Geometry, MobileManipulator
 from mobman.model.platforms.platform import Platform, Site, platforms
 from mobman.robots.catalogue import as_spec, find_spec
+from mobman.robots.incoming.incoming import keep_urdf
+from mobman.robots.incoming.pinocchio_model import urdf_of
 from mobman.robots.spec import RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import LINK, Mounted, compose, flat_urdf
 from mobman.robots.urdf.meshes import MeshError, absolute_meshes, read_triangles
@@ -30,13 +32,18 @@ _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is
 
 
 def load_robot(
-    name_or_path: str | os.PathLike[str] | RobotSpec | Mapping[str, Any],
+    name_or_path: str | os.PathLike[str] | RobotSpec | Mapping[str, Any] | pin.Model,
+    **facts: Any,
 ) -> MobileManipulator:
-    """A robot by its name, its TOML file, or its description.
+    """A robot by its name, its TOML file, its description, or its URDF.
 
     Args:
         name_or_path: A name of :func:`list_robots`, the path of a TOML file, a :class:`RobotSpec`
-            or a dictionary of its fields.
+            or a dictionary of its fields; the path of a URDF (or a file of xacro or MJCF, a folder or
+            an archive with one), or a ``pinocchio.Model``: what a TOML would say is inferred then, and
+            said in a warning.
+        facts: For a URDF and a model, what is not to be inferred: the fields of :class:`Options`, such
+            as ``tip="tool0"``, ``right_wheels="wheel_r"``, ``wheel_radius=0.1``.
 
     >>> import mobman as mm
     >>> mm.load_robot("youbot")
@@ -45,10 +52,16 @@ def load_robot(
     Raises:
         UnknownNameError: If no robot has the name.
         SpecError: If the description or its URDF is not valid; the message names file and field.
+        UsageError: If a URDF or a model does not tell enough.
     """
+    if isinstance(name_or_path, pin.Model):
+        kept = keep_urdf("robot.urdf", urdf_of(name_or_path).encode())
+        return build_robot(find_spec(kept, **facts))
+    if facts and isinstance(name_or_path, (RobotSpec, Mapping)):
+        raise UsageError(f"{', '.join(facts)}: only for a URDF or a model; change the description")
     if isinstance(name_or_path, (RobotSpec, Mapping)):
         return build_robot(as_spec(name_or_path))
-    return build_robot(find_spec(name_or_path))
+    return build_robot(find_spec(name_or_path, **facts))
 
 
 def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileManipulator:

@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import fields
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 from mobman.errors import FOREIGN_ERRORS, SpecError, UnknownNameError, UsageError
 from mobman.robots.incoming.describe import describe
 from mobman.robots.incoming.incoming import URDF_ENDINGS
-from mobman.robots.infer.findings import Undecided
+from mobman.robots.infer.findings import Options, Undecided
 from mobman.robots.places import own_robots, user_robots_folder
 from mobman.robots.spec import RobotSpec, read_spec
 from mobman.toml_model import validate
@@ -104,11 +105,15 @@ def registered_as(described: Mapping[str, Any]) -> RobotSpec:
     )
 
 
-def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
+def find_spec(name_or_path: str | os.PathLike[str], **facts: Any) -> RobotSpec:
     """The description of a robot by name, or of a TOML file by path.
 
     Anything that ends in ``.toml`` or has a path separator is a path. A URDF, a xacro file, a folder or
     an archive with one serves as well: what its TOML would say is inferred, and said in a warning.
+
+    Args:
+        name_or_path: The name or the path.
+        facts: Of a URDF what is not to be inferred: fields of :class:`Options`.
 
     Raises:
         UnknownNameError: If no robot has the name.
@@ -119,7 +124,9 @@ def find_spec(name_or_path: str | os.PathLike[str]) -> RobotSpec:
         raise UsageError(f"{name_or_path!r} is not a robot: expected a name or a TOML file")
     text = os.fspath(name_or_path)
     if text.lower().endswith(URDF_ENDINGS) or (os.sep in text and os.path.isdir(text)):
-        return _inferred(os.path.abspath(text), _stamp(text))
+        return _inferred(os.path.abspath(text), _stamp(text), _options(facts))
+    if facts:
+        raise UsageError(f"{', '.join(facts)}: only for a URDF or a model; {text!r} is neither")
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):
         return read_spec(Path(text))
     if text in _registered:
@@ -142,11 +149,25 @@ def _stamp(path: str) -> tuple[int, int]:
     return 0, 0
 
 
+def _options(facts: Mapping[str, Any]) -> Options:
+    """Facts as options; a name alone stands for a list of it."""
+    allowed = {field.name: field for field in fields(Options) if field.name != "types"}
+    if unknown := sorted(set(facts) - set(allowed)):
+        raise UsageError(f"{unknown[0]!r} is no fact of a URDF; allowed: {', '.join(allowed)}")
+    several = {name for name, field in allowed.items() if field.default == ()}
+    listed = {
+        name: (value,) if isinstance(value, str) else tuple(value)
+        for name, value in facts.items()
+        if name in several
+    }
+    return Options(**{**facts, **listed})
+
+
 @lru_cache(maxsize=64)
-def _inferred(path: str, stamp: tuple[int, int]) -> RobotSpec:
+def _inferred(path: str, stamp: tuple[int, int], options: Options) -> RobotSpec:
     """The description of a URDF, inferred and reported once for each state of the file."""
     try:
-        found = describe(path)
+        found = describe(path, options)
     except Undecided as error:
         raise UsageError(f"{error}; 'mobman robots add {path}' takes these options") from error
     facts = found.found.summary()

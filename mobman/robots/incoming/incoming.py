@@ -15,12 +15,12 @@ from pathlib import Path, PurePosixPath
 from mobman.errors import MobmanError, SpecError, UsageError
 from mobman.files import write_whole
 from mobman.input_file import read_input
-from mobman.robots.incoming import described, xacro_file
+from mobman.robots.incoming import described, mujoco_model, xacro_file
 from mobman.robots.places import made_folder
 from mobman.robots.urdf.read import MEGABYTES, parse_xml
 from mobman.robots.urdf.validate import listed
 
-URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".zip")
+URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".mjcf", ".zip")
 """Endings of files that describe a robot without a TOML."""
 
 _ADDRESS = re.compile(r"(?!file:)[A-Za-z][A-Za-z0-9+.-]*://|git@|www\.")
@@ -57,7 +57,7 @@ def incoming(
     """A URDF of what a user names.
 
     Args:
-        source: A URDF or xacro file, a folder or a ZIP archive with one, a pipe, ``"-"`` for the
+        source: A URDF, xacro or MJCF file, a folder or a ZIP archive with one, a pipe, ``"-"`` for the
             standard input, or a name of the package robot_descriptions.
         packages: Folders that hold packages of ``$(find NAME)`` and ``package://NAME/...``.
         arguments: Values of xacro's arguments.
@@ -126,14 +126,18 @@ def _of_content(
         return Incoming(path, packages)  # whoever reads it says what is wrong
     beside = path if path is not None else Path.cwd() / _PLAIN
     name = f"{beside.name.split('.')[0] or 'robot'}.urdf"
+    if root.tag == "mujoco":
+        text, said, files = mujoco_model.urdf_of(content, beside)
+        kept = keep_urdf(name, text.encode(), files)
+        return Incoming(kept, packages, True, tuple(said), path)
     if root.tag == "robot" and xacro_file.is_xacro(root):
         text, said = xacro_file.expanded(content, beside, packages, dict(arguments or {}))
         found = (*packages, beside.parent, *beside.parent.parents)
-        return Incoming(_kept(name, text.encode(), {}), found, True, tuple(said), path)
+        return Incoming(keep_urdf(name, text.encode()), found, True, tuple(said), path)
     if arguments:
         raise UsageError("--xacro-arg is for files of xacro, which this is not")
     if path is None:
-        kept = _kept(_PLAIN, content, {})
+        kept = keep_urdf(_PLAIN, content)
         return Incoming(kept, (*packages, Path.cwd()), True, (f"a copy is kept: {kept}",))
     return Incoming(path, packages)
 
@@ -213,9 +217,9 @@ def _of_archive(
     return replace(given, made=True, said=said, origin=given.origin or given.path)
 
 
-def _kept(name: str, content: bytes, files: Mapping[str, bytes]) -> Path:
+def keep_urdf(name: str, content: bytes, files: Mapping[str, bytes] | None = None) -> Path:
     """A place for a made URDF and the files that belong to it, the same for the same content."""
-    digest = hashlib.sha256(content)
+    files, digest = files or {}, hashlib.sha256(content)
     for key in sorted(files):
         digest.update(key.encode() + files[key])
     folder = made_folder() / digest.hexdigest()[:16]

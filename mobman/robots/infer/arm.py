@@ -259,8 +259,9 @@ def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
     """Rounded joint positions, by name (m, rad); the same for the same robot.
 
     The least singular value of the tip's linear Jacobian (of those that are not zero everywhere) is
-    made large, with the joints away from their limits and the tip in front of or beside the platform
-    and well above the ground; joints that matter little are at zero, or in the middle of their range.
+    made large, with the joints away from their limits, motors that can well hold them, and the tip in
+    front of or beside the platform and well above the ground; joints that matter little are at zero, or
+    in the middle of their range.
     """
     joints = chain.joints
     limits = chain.limits()
@@ -324,7 +325,9 @@ class _Score:
         used = np.abs(q - self._middle) / self._half
         margin = np.mean(1.0 - 0.5 * used**4, axis=1)
         small = np.exp(-0.02 * np.mean((q / np.maximum(self._half, 1e-9)) ** 2, axis=1))
-        return np.array((values + 1e-6) * margin * small * self._where(centres, tip))
+        # a motor that gives half of what it can holds well, one that gives all of it does not
+        holds = np.clip(2.0 - 2.0 * self._chain.loads(q), 0.05, 1.0)
+        return np.array((values + 1e-6) * margin * small * holds * self._where(centres, tip))
 
     def _where(self, centres: Array, tip: Array) -> Array:
         """Below 1 for a tip behind, low or in the platform, and for links in the ground."""

@@ -84,7 +84,7 @@ class Options:
     wheel_radius: float | None = None
     heading: float | None = None
     lock: tuple[str, ...] = ()
-    types: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: TYPES)
+    types: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: TYPES, hash=False)
 
     def fields(self, platform: str) -> tuple[str, ...]:
         """The fields of a platform type that are found."""

@@ -319,6 +319,17 @@ class Chain:
             moved[k] = (jacobian[:, :3] + np.cross(jacobian[:, 3:], tip[k])).T @ self._moving
         return centres - np.where(self._sliding, axes * q[:, :, None], 0.0), axes, tip, moved
 
+    def loads(self, q: Array) -> Array:
+        """The largest share of its effort limit that a joint needs to hold postures of :meth:`places`,
+        shape (m,); 0 where no limit is known."""
+        model, effort = self._model, np.array(self._model.effortLimit)[self._own]
+        most, found = np.where(effort > 0.0, effort, np.inf), np.empty(len(q))
+        for k, posture in enumerate(q):
+            at = self._laws @ posture + self._offsets
+            held_by = self._laws.T @ pin.computeGeneralizedGravity(model, self._data, at)
+            found[k] = np.max(np.abs(held_by) / most)
+        return found
+
 
 def held(tree: Tree, names: Iterable[str], rest: Mapping[str, float]) -> dict[str, Inferred]:
     """Positions of held joints that are not held at zero (m, rad), by name; ``rest`` has the others'."""

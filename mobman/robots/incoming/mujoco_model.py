@@ -1,0 +1,325 @@
+"""MJCF, the format of MuJoCo, as a URDF: read by MuJoCo itself where it is installed."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from mobman.arrays import Array
+from mobman.errors import MobmanError, SpecError, UsageError
+from mobman.isolation import helper
+from mobman.robots.urdf.validate import listed
+
+_SECONDS, _MEGABYTES = 60.0, 2000.0
+_NONE = 1e-9
+
+
+def urdf_of(content: bytes, path: Path) -> tuple[str, list[str], dict[str, bytes]]:
+    """The URDF of an MJCF file, what of it a URDF cannot hold, and the meshes that it names.
+
+    Raises:
+        UsageError: If MuJoCo is not installed.
+        SpecError: If MuJoCo refuses the file, or it has no robot or several.
+    """
+    if importlib.util.find_spec("mujoco") is None:
+        raise UsageError(
+            f"{path} is an MJCF file, which MuJoCo reads; install it: pip install 'mobman[mujoco]'"
+        )
+    if not path.is_file() or path.read_bytes() != content:
+        raise SpecError("MJCF cannot be read from a pipe, since it includes files; name the file")
+    try:
+        text, said, meshes = helper.call(
+            f"{__name__}:convert", str(path), seconds=_SECONDS, megabytes=_MEGABYTES
+        )
+    except MobmanError as error:
+        raise SpecError(f"the MJCF file {path} cannot be taken: {error}") from error
+    return text, said, meshes
+
+
+def convert(path: str) -> list[Any]:
+    """Do the work of :func:`urdf_of` in this process."""
+    mujoco: Any = importlib.import_module("mujoco")
+    try:
+        model = mujoco.MjModel.from_xml_path(path)
+    except ValueError as error:
+        raise MobmanError(" ".join(str(error).split())) from error
+    made = _Conversion(mujoco, model)
+    made.run(Path(path).stem)
+    return [ET.tostring(made.robot, encoding="unicode"), made.said, made.meshes]
+
+
+class _Conversion:
+    """A URDF that grows from a model's bodies.
+
+    MuJoCo gives a body several joints, each at a point of the body; a URDF gives every joint a link. The
+    frame of a body's link is where its last joint is, and links without mass stand between the joints.
+    """
+
+    def __init__(self, mujoco: Any, model: Any) -> None:
+        self._mujoco, self._model = mujoco, model
+        self.robot = ET.Element("robot")
+        self.said: list[str] = []
+        self.meshes: dict[str, bytes] = {}
+        self._links: set[str] = set()
+        self._at: dict[int, tuple[str, Array]] = {}  # link of a body; its frame in the body's (m)
+        self._left_out: dict[str, list[str]] = {}
+
+    def run(self, name: str) -> None:
+        """Convert the only robot of the model."""
+        model = self._model
+        self.robot.set("name", name)
+        roots = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
+        moving = [b for b in roots if any(self._hinges(k) for k in self._tree(b))]
+        if len(moving) != 1:
+            named = listed(self._name("body", b) for b in moving)
+            raise MobmanError(f"it has {len(moving)} robots ({named}); allowed: one")
+        root = moving[0]
+        bodies = list(self._tree(root))
+        if self._joints(root) and not self._free(root):
+            self._link("world")
+            self._at[0] = ("world", np.zeros(3))
+        for body in bodies:
+            self._add_body(body, body == root)
+        if others := [self._name("body", b) for b in roots if b != root]:
+            self.said.append(f"left out, since they are no part of the robot: {listed(others)}")
+        self._add_couplings({j for b in bodies for j in self._joints(b)})
+        self.said += [
+            f"a URDF has no {what}: {listed(who)}" for what, who in self._left_out.items()
+        ]
+        for what, count in (("tendons", model.ntendon), ("flexible bodies", model.nflex)):
+            if count:
+                self.said.append(f"a URDF has no {what}: {count} are left out")
+
+    # Bodies and joints ----------------------------------------------------------------------------
+
+    def _tree(self, body: int) -> Iterator[int]:
+        yield body
+        for other in range(body + 1, self._model.nbody):
+            if self._model.body_parentid[other] == body:
+                yield from self._tree(other)
+
+    def _joints(self, body: int) -> list[int]:
+        start, count = self._model.body_jntadr[body], self._model.body_jntnum[body]
+        return list(range(start, start + count)) if count else []
+
+    def _free(self, body: int) -> bool:
+        free = int(self._mujoco.mjtJoint.mjJNT_FREE)
+        return any(self._model.jnt_type[j] == free for j in self._joints(body))
+
+    def _hinges(self, body: int) -> list[int]:
+        joint = self._mujoco.mjtJoint
+        kinds = (int(joint.mjJNT_HINGE), int(joint.mjJNT_SLIDE))
+        return [j for j in self._joints(body) if self._model.jnt_type[j] in kinds]
+
+    def _name(self, kind: str, index: int) -> str:
+        of = getattr(self._mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
+        return self._mujoco.mj_id2name(self._model, of, index) or f"{kind}{index}"
+
+    def _link(self, name: str) -> str:
+        while name in self._links:
+            name += "_"
+        self._links.add(name)
+        ET.SubElement(self.robot, "link", name=name)
+        return name
+
+    def _add_body(self, body: int, root: bool) -> None:
+        model, name = self._model, self._name("body", body)
+        hinges = self._hinges(body)
+        for joint in set(self._joints(body)) - set(hinges):
+            if not (root and self._free(body)):
+                self._left_out.setdefault("ball joint (held)", []).append(
+                    self._name("joint", joint)
+                )
+        if root and self._free(body):
+            self.said.append("the free joint of the base is left out: the platform takes its place")
+        if root and not hinges:
+            link, frame = self._link(name), np.zeros(3)
+        else:
+            link, frame = self._chain(body, name, hinges)
+        self._at[body] = (link, frame)
+        element = next(e for e in self.robot.iter("link") if e.get("name") == link)
+        self._add_inertial(element, body, frame)
+        start, count = model.body_geomadr[body], model.body_geomnum[body]
+        for geom in range(start, start + count) if count else ():
+            self._add_geom(element, geom, frame)
+        for site in range(model.nsite):
+            if model.site_bodyid[site] == body:
+                at = _pose(model.site_pos[site] - frame, model.site_quat[site])
+                own = self._link(self._name("site", site))
+                self._joint(f"{own}_fixed", "fixed", link, own, at)
+
+    def _chain(self, body: int, name: str, hinges: Sequence[int]) -> tuple[str, Array]:
+        """Links and joints from a body's parent to the body."""
+        model = self._model
+        link, offset = self._at[int(model.body_parentid[body])]
+        place = _pose(model.body_pos[body] - offset, model.body_quat[body])
+        frame = np.zeros(3)
+        for i, joint in enumerate(hinges):
+            own, at = self._name("joint", joint), np.array(model.jnt_pos[joint])
+            last = i == len(hinges) - 1
+            child = self._link(name if last else f"{name}__{own}")
+            element = self._joint(own, self._kind(joint), link, child, place * _pose(at - frame))
+            self._add_motion(element, joint)
+            link, frame, place = child, at, pin.SE3.Identity()
+        if not hinges:
+            child = self._link(name)
+            self._joint(f"{child}_fixed", "fixed", link, child, place)
+            link = child
+        return link, frame
+
+    def _kind(self, joint: int) -> str:
+        if self._model.jnt_type[joint] == int(self._mujoco.mjtJoint.mjJNT_SLIDE):
+            return "prismatic"
+        return "revolute" if self._model.jnt_limited[joint] else "continuous"
+
+    def _joint(self, name: str, kind: str, parent: str, child: str, place: pin.SE3) -> ET.Element:
+        joint = ET.SubElement(self.robot, "joint", name=name, type=kind)
+        ET.SubElement(joint, "parent", link=parent)
+        ET.SubElement(joint, "child", link=child)
+        joint.append(_origin(place))
+        return joint
+
+    def _add_motion(self, element: ET.Element, joint: int) -> None:
+        model, dof = self._model, int(self._model.jnt_dofadr[joint])
+        ET.SubElement(element, "axis", xyz=_text(model.jnt_axis[joint]))
+        limit = {"effort": repr(self._effort(joint)), "velocity": "inf"}
+        if element.get("type") != "continuous":
+            bounds = np.array([-np.inf, np.inf])
+            if model.jnt_limited[joint]:
+                # the pose of the file, a URDF's zero, is where MuJoCo has qpos0
+                bounds = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
+            limit |= {"lower": repr(float(bounds[0])), "upper": repr(float(bounds[1]))}
+        ET.SubElement(element, "limit", limit)
+        damping = float(np.ravel(model.dof_damping[dof])[0])
+        given = {"damping": damping, "friction": float(model.dof_frictionloss[dof])}
+        if any(value > 0.0 for value in given.values()):
+            ET.SubElement(element, "dynamics", {key: repr(v) for key, v in given.items()})
+        if model.dof_armature[dof] > 0.0:
+            self._left_out.setdefault("armature (inertia of a motor)", []).append(
+                self._name("joint", joint)
+            )
+        if float(np.ravel(model.jnt_stiffness[joint])[0]) > 0.0:
+            self._left_out.setdefault("spring", []).append(self._name("joint", joint))
+
+    def _effort(self, joint: int) -> float:
+        """The largest torque of a joint's motors; inf if nothing limits it."""
+        model, mujoco = self._model, self._mujoco
+        limits = []
+        if model.jnt_actfrclimited[joint]:
+            limits.append(float(np.abs(model.jnt_actfrcrange[joint]).max()))
+        for motor in range(model.nu):
+            own = model.actuator_trntype[motor] == int(mujoco.mjtTrn.mjTRN_JOINT)
+            if own and model.actuator_trnid[motor, 0] == joint:
+                gear = abs(float(model.actuator_gear[motor, 0]))
+                fixed = model.actuator_gaintype[motor] == int(mujoco.mjtGain.mjGAIN_FIXED)
+                plain = model.actuator_biastype[motor] == int(mujoco.mjtBias.mjBIAS_NONE)
+                if model.actuator_forcelimited[motor]:
+                    largest = float(np.abs(model.actuator_forcerange[motor]).max())
+                    limits.append(gear * largest)
+                elif model.actuator_ctrllimited[motor] and fixed and plain:
+                    gain = abs(float(model.actuator_gainprm[motor, 0]))
+                    largest = float(np.abs(model.actuator_ctrlrange[motor]).max())
+                    limits.append(gear * gain * largest)
+        return min(limits, default=np.inf)
+
+    def _add_inertial(self, link: ET.Element, body: int, frame: Array) -> None:
+        model = self._model
+        if model.body_mass[body] <= 0.0:
+            return
+        element = ET.SubElement(link, "inertial")
+        element.append(_origin(_pose(model.body_ipos[body] - frame, model.body_iquat[body])))
+        ET.SubElement(element, "mass", value=repr(float(model.body_mass[body])))
+        moments = dict(zip(("ixx", "iyy", "izz"), model.body_inertia[body], strict=True))
+        moments |= dict.fromkeys(("ixy", "ixz", "iyz"), 0.0)
+        ET.SubElement(element, "inertia", {key: repr(float(v)) for key, v in moments.items()})
+
+    # Shapes and couplings --------------------------------------------------------------------------
+
+    def _add_geom(self, link: ET.Element, geom: int, frame: Array) -> None:
+        model, kinds = self._model, self._mujoco.mjtGeom
+        seen = not (model.geom_contype[geom] or model.geom_conaffinity[geom])
+        use, kind = ("visual" if seen else "collision"), model.geom_type[geom]
+        place = _pose(model.geom_pos[geom] - frame, model.geom_quat[geom])
+        size = [float(s) for s in model.geom_size[geom]]
+        shapes: list[tuple[str, dict[str, str], pin.SE3]] = []
+        if kind == int(kinds.mjGEOM_BOX):
+            shapes = [("box", {"size": _text([2.0 * s for s in size])}, place)]
+        elif kind == int(kinds.mjGEOM_SPHERE):
+            shapes = [("sphere", {"radius": repr(size[0])}, place)]
+        elif kind in (int(kinds.mjGEOM_CYLINDER), int(kinds.mjGEOM_CAPSULE)):
+            tube = {"radius": repr(size[0]), "length": repr(2.0 * size[1])}
+            shapes = [("cylinder", tube, place)]
+            if kind == int(kinds.mjGEOM_CAPSULE):
+                ball = {"radius": repr(size[0])}
+                ends = (_pose(np.array([0.0, 0.0, end])) for end in (-size[1], size[1]))
+                shapes += [("sphere", ball, place * end) for end in ends]
+        elif kind == int(kinds.mjGEOM_MESH):
+            shapes = [("mesh", {"filename": self._mesh(int(model.geom_dataid[geom]))}, place)]
+        else:
+            self._left_out.setdefault("ellipsoid, plane, height field or the like", []).append(
+                self._name("geom", geom)
+            )
+        for tag, attributes, at in shapes:
+            element = ET.SubElement(link, use)
+            element.append(_origin(at))
+            ET.SubElement(ET.SubElement(element, "geometry"), tag, attributes)
+
+    def _mesh(self, mesh: int) -> str:
+        """The file of a mesh as MuJoCo has it, with its origin and scale, written as STL."""
+        model = self._model
+        clean = re.sub(r"[^A-Za-z0-9_.-]", "_", self._name("mesh", mesh))
+        name = f"meshes/{mesh}_{clean}.stl"
+        if name not in self.meshes:
+            first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+            vertices = np.asarray(model.mesh_vert[first : first + count], dtype="<f4")
+            first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+            faces = vertices[np.asarray(model.mesh_face[first : first + count])]
+            rows = np.zeros(len(faces), dtype=[("numbers", "<f4", (4, 3)), ("colour", "<u2")])
+            rows["numbers"][:, 1:] = faces
+            head = b"\0" * 80 + len(faces).to_bytes(4, "little")
+            self.meshes[name] = head + rows.tobytes()
+        return name
+
+    def _add_couplings(self, own: set[int]) -> None:
+        """Joints that follow others; what else is tied together is said."""
+        model, kinds = self._model, self._mujoco.mjtEq
+        for i in range(model.neq):
+            first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+            data = [float(x) for x in model.eq_data[i][:5]]
+            if (
+                model.eq_type[i] == int(kinds.mjEQ_JOINT)
+                and {first, second} <= own
+                and max(map(abs, data[2:])) < _NONE
+            ):
+                name = self._name("joint", first)
+                joint = next(e for e in self.robot.iter("joint") if e.get("name") == name)
+                law = {"multiplier": repr(data[1]), "offset": repr(data[0])}
+                ET.SubElement(joint, "mimic", {"joint": self._name("joint", second), **law})
+            else:
+                what = "constraint between bodies, or joints that follow others by a curve"
+                self._left_out.setdefault(what, []).append(self._name("equality", i))
+
+
+def _pose(position: Array, quaternion: Array | None = None) -> pin.SE3:
+    rotation = np.eye(3)
+    if quaternion is not None:
+        w, x, y, z = (float(part) for part in quaternion)
+        rotation = pin.Quaternion(w, x, y, z).normalized().toRotationMatrix()
+    return pin.SE3(rotation, np.array(position, dtype=float))
+
+
+def _origin(place: pin.SE3) -> ET.Element:
+    rpy = pin.rpy.matrixToRpy(place.rotation)
+    return ET.Element("origin", xyz=_text(place.translation), rpy=_text(rpy))
+
+
+def _text(values: Sequence[float] | Array) -> str:
+    return " ".join(repr(float(value)) for value in values)

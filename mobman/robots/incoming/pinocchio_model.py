@@ -1,0 +1,139 @@
+"""A model of Pinocchio as a URDF: its joints, inertias and frames."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from mobman.arrays import Array
+from mobman.errors import SpecError
+
+_BASES = ("JointModelFreeFlyer", "JointModelPlanar")
+
+
+def urdf_of(model: pin.Model) -> str:
+    """The URDF of a model: its joints and links have the model's names.
+
+    A joint's link is the first body frame at the joint, or else is named after it; the other body and
+    operational frames are links that are fixed to it. A free-flyer or planar joint at the root is left
+    out, since the platform takes its place.
+
+    Raises:
+        SpecError: If a joint is neither a revolute nor a prismatic one.
+    """
+    names = [str(name) for name in model.names]
+    robot = ET.Element("robot", name=str(model.name) or "robot")
+    links = _links(model, names)
+    taken, data = set(links), model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    for i, name in enumerate(links):
+        link = ET.SubElement(robot, "link", name=name)
+        if model.inertias[i].mass > 0.0:
+            _add_inertia(link, model.inertias[i])
+    for i in range(1, model.njoints):
+        parent, kind = int(model.parents[i]), model.joints[i].shortname()
+        if kind in _BASES and parent == 0:
+            moves, axis = "fixed", np.zeros(0)
+        else:
+            column = pin.getJointJacobian(model, data, i, pin.ReferenceFrame.LOCAL)
+            at = model.joints[i].idx_v
+            moves, axis = _motion(model, np.reshape(column, (6, -1))[:, at], i)
+        joint = _joint(robot, names[i], moves, links[parent], links[i], model.jointPlacements[i])
+        if axis.size:
+            _add_limits(joint, model, i, moves, axis)
+    for frame in model.frames:
+        if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME) and frame.name not in taken:
+            taken.add(frame.name)
+            ET.SubElement(robot, "link", name=str(frame.name))
+            where = links[int(frame.parentJoint)]
+            _joint(robot, f"{frame.name}_fixed", "fixed", where, str(frame.name), frame.placement)
+    return ET.tostring(robot, encoding="unicode")
+
+
+def _links(model: pin.Model, names: Sequence[str]) -> list[str]:
+    """A link's name for each joint, the universe first."""
+    found: list[str] = []
+    for i, name in enumerate(names):
+        at_joint = [
+            str(frame.name)
+            for frame in model.frames
+            if frame.type == pin.FrameType.BODY
+            and int(frame.parentJoint) == i
+            and frame.placement.isIdentity(1e-12)
+            and frame.name not in found
+        ]
+        own = at_joint[0] if at_joint else ("base" if i == 0 else f"{name}_link")
+        while own in found:
+            own += "_"
+        found.append(own)
+    return found
+
+
+def _motion(model: pin.Model, column: Array, i: int) -> tuple[str, Array]:
+    """The type of a joint in a URDF, and its axis, from its columns of the Jacobian in its own frame."""
+    joint = model.joints[i]
+    if joint.nv == 1:
+        linear, angular = column[:3], column[3:]
+        if not np.any(angular):
+            return "prismatic", linear
+        if not np.any(linear):
+            return ("continuous" if joint.nq == 2 else "revolute"), angular
+    raise SpecError(
+        f"joint {model.names[i]!r} of the model is a {joint.shortname()}; allowed: revolute and "
+        "prismatic joints, and a free-flyer or planar one at the root"
+    )
+
+
+def _joint(
+    robot: ET.Element, name: str, kind: str, parent: str, child: str, place: pin.SE3
+) -> ET.Element:
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    rpy = pin.rpy.matrixToRpy(place.rotation)
+    ET.SubElement(joint, "origin", xyz=_text(place.translation), rpy=_text(rpy))
+    return joint
+
+
+def _add_limits(joint: ET.Element, model: pin.Model, i: int, kind: str, axis: Array) -> None:
+    q, v = model.joints[i].idx_q, model.joints[i].idx_v
+    ET.SubElement(joint, "axis", xyz=_text(axis))
+    limit = {"effort": _limit(model.effortLimit[v]), "velocity": _limit(model.velocityLimit[v])}
+    if kind != "continuous":
+        limit["lower"] = _limit(model.lowerPositionLimit[q])
+        limit["upper"] = _limit(model.upperPositionLimit[q])
+    ET.SubElement(joint, "limit", limit)
+    given = {"damping": float(model.damping[v]), "friction": float(model.friction[v])}
+    if any(value > 0.0 for value in given.values()):
+        ET.SubElement(joint, "dynamics", {key: repr(value) for key, value in given.items()})
+
+
+def _limit(value: float) -> str:
+    """A limit; what is as large as the largest numbers is none."""
+    value = float(value)
+    if abs(value) > 1e15:
+        value = np.copysign(np.inf, value)
+    return repr(float(value))
+
+
+def _add_inertia(link: ET.Element, inertia: pin.Inertia) -> None:
+    element = ET.SubElement(link, "inertial")
+    ET.SubElement(element, "origin", xyz=_text(inertia.lever), rpy="0 0 0")
+    ET.SubElement(element, "mass", value=repr(float(inertia.mass)))
+    moments = np.array(inertia.inertia)
+    keys = {
+        "ixx": (0, 0),
+        "ixy": (0, 1),
+        "ixz": (0, 2),
+        "iyy": (1, 1),
+        "iyz": (1, 2),
+        "izz": (2, 2),
+    }
+    ET.SubElement(element, "inertia", {key: repr(float(moments[at])) for key, at in keys.items()})
+
+
+def _text(values: Sequence[float] | Array) -> str:
+    return " ".join(repr(float(value)) for value in values)
