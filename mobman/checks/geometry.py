@@ -27,6 +27,7 @@ from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about
 _LEVEL = 1e-3  # m: how far an axle may be from its wheel's radius
 _BELOW = 5e-3  # m: casters and covers are often drawn a little too low
 _FAR_BELOW = 5e-2  # m
+_NOISE = 1e-6  # m
 _FLOATING = 2e-2  # m
 _UNSEEN = 0.2  # m: the same where the platform's wheels are not known, and perhaps not drawn
 _ROUNDED = 1e-3  # rad
@@ -111,7 +112,7 @@ def _heights(subject: Subject, lowest: dict[str, float]) -> Iterator[Remark]:
     platform = {link.name for link in subject.platform_links}
     low = {name: z for name, z in lowest.items() if z < -_BELOW}
     named = some(f"link {name!r} at {1e3 * z:+.0f} mm" for name, z in low.items())
-    if any(z < -_FAR_BELOW for name, z in low.items() if name in platform):
+    if any(z < -_FAR_BELOW - _NOISE for name, z in low.items() if name in platform):
         yield wrong(f"geometry below the ground: {named}", fix)
     elif low:
         if not set(low) & platform:

@@ -175,7 +175,7 @@ def add(
         sources.append(source)
         files.append(file)
     text = found.toml(sources)
-    robot = _robot_of(text, target, UrdfSources(tuple(files)))
+    robot = _robot_of(text, target, UrdfSources(tuple(files)) if copies else None)
     if not force and (there := [path for path in copies if os.path.exists(path)]):
         raise UsageError(
             f"{there[0]} is there already; choose another --name or -o, or add --force"
@@ -251,13 +251,14 @@ def _verified(robot: MobileManipulator, force: bool) -> list[str]:
     return [f"{finding.check}: {finding.found}" for finding in findings if finding.status != "ok"]
 
 
-def _robot_of(text: str, target: Path, sources: UrdfSources) -> MobileManipulator:
-    """The robot of a file that is written only if it can be loaded."""
-    from mobman.model.build import build_robot
+def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> MobileManipulator:
+    """The robot of a file that is written only if it can be loaded; its copies are not there yet."""
+    from mobman.model.build import build_robot, load_robot
     from mobman.robots.spec import spec_of
 
     try:
-        return build_robot(spec_of(tomllib.loads(text), target), sources)
+        spec = spec_of(tomllib.loads(text), target)
+        return load_robot(spec) if sources is None else build_robot(spec, sources)
     except MobmanError as error:
         advice = "correct the URDF"
         if re.search(_ABOUT_OPTIONS, str(error)):

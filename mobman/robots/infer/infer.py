@@ -148,7 +148,9 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         known = "" if drive is None or questions else f" (found: {_told(drive, radius)})"
         questions.append(f"{error}{known}")
     if questions or drive is None or arm is None:
-        raise Undecided(f"{urdf.path}: {'; and '.join(questions)}")
+        calls = dict.fromkeys(part.tag for part in robot if part.tag.startswith("xacro:"))
+        left = f" (xacro did not expand {', '.join(calls)})" if calls else ""
+        raise Undecided(f"{urdf.path}: {'; and '.join(questions)}{left}")
     free = _free_followers(tree, branches, arm, drive.own | set(locked_by_user))
     locks = _locks(tree, virtual, drive, branches, arm, locked_by_user, free)
     ground = _ground(tree, drive, radius)
