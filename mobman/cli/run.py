@@ -269,8 +269,11 @@ def tell(
     for remark in limit_remarks(record, robot):
         out.print(f"beyond its limits: {remark}", soft_wrap=True)
     if record.ok and record.metrics["success"] == 0.0:
-        error = number(record.metrics["task_error_final"])
-        out.print(f"no success: it went to its end, but |e^e| is {error} m there", soft_wrap=True)
+        errors = f"|e^e| is {number(record.metrics['task_error_final'])} m"
+        angle = record.metrics.get("orientation_error_final", math.nan)
+        if not math.isnan(angle):
+            errors += f" and the orientation is {number(angle)} rad off"
+        out.print(f"no success: it went to its end, but {errors} there", soft_wrap=True)
     if path is not None:
         out.print(f"record: {path}", soft_wrap=True)
         out.print(f"next: mobman view {shlex.quote(str(path))}", soft_wrap=True)
