@@ -143,6 +143,7 @@ def add(
     URDF does not tell is asked for.
     """
     from mobman.robots.incoming.describe import OnLink, describe
+    from mobman.robots.infer.write import with_platform_weights
     from mobman.robots.places import user_robots_folder
     from mobman.robots.urdf.meshes import with_absolute_meshes
     from mobman.robots.urdf.read import UrdfFile, UrdfSources
@@ -180,6 +181,9 @@ def add(
         raise UsageError(
             f"{there[0]} is there already; choose another --name or -o, or add --force"
         )
+    if robot.platform.base_joints:
+        text = with_platform_weights(text, *_heading(robot))
+        robot = _robot_of(text, target, UrdfSources(tuple(files)) if copies else None)
     doubts = _verified(robot, force)
     for place, content in {**copies, target: text}.items():
         write_new(place, content, force, "choose another -o")
@@ -198,6 +202,16 @@ def add(
         print_json(summary)
     else:
         _print(summary)
+
+
+def _heading(robot: MobileManipulator) -> tuple[float, str]:
+    """The weight of the heading in the posture criterion, by the rule, and what it is good for."""
+    from mobman.model.posture_weights import conditioning
+
+    weight = robot.criterion_weights[robot.joint_names.index(robot.platform.base_joints[-1])]
+    return float(weight), (
+        f"1/rad^2: conditioning {conditioning(robot, robot.criterion_weights):.2g} at rest"
+    )
 
 
 def _check_options(output: Path | None, options: Options) -> None:

@@ -100,7 +100,7 @@ class ResolvedAcceleration(DisplayedLaw):
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again, with the axes of e^a, integrals and estimates as new."""
         self._dt = dt
-        self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
+        self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F, task)
         self._settings = as_settings(self.gains) | {"K_F": self.criterion.weights.tolist()}
         space = self._space = TaskSpace(robot, task, self.criterion if self.extended else None)
         now = space.now

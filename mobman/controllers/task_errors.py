@@ -151,18 +151,24 @@ def desired(p_d: Matrix, order: int, i: int) -> float:
     return p_d[order, i] if i < p_d.shape[1] else 0.0
 
 
-def posture_criterion(robot: MobileManipulator, c_F: float, K_F: Diagonal | None) -> Posture:
+def posture_criterion(
+    robot: MobileManipulator, c_F: float, K_F: Diagonal | None, task: Task | None = None
+) -> Posture:
     """The criterion (12) of a law.
 
     Args:
         robot: The nominal robot.
         c_F: Its factor.
-        K_F: Diagonal of its weights; the robot's own if None. The robot's couplings stay.
+        K_F: Diagonal of its weights; if None the task's ``criterion_weights(robot)`` where it has that
+            method, else the robot's own. The robot's couplings stay.
+        task: The task.
 
     Raises:
         GainError: If K_F has not one weight for each coordinate of q.
     """
     if K_F is None:
-        return Posture.of(robot, c_F)
-    weights = diagonal("K_F", K_F, robot.nq)
+        own = getattr(task, "criterion_weights", None)
+        weights = robot.criterion_weights if own is None else own(robot)
+    else:
+        weights = diagonal("K_F", K_F, robot.nq)
     return Posture(weights, robot.q_rest, c_F, robot.criterion_couplings)

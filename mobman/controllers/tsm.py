@@ -383,7 +383,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         Raises:
             GainError: If a gain has the wrong length for the robot.
         """
-        self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F)
+        self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F, task)
         space = self._space = self._task_space(robot, task)
         a, A = self._bounds(robot, task)
         K_F = self.criterion.weights.tolist()

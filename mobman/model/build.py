@@ -17,6 +17,7 @@ from mobman.arrays import Array
 from mobman.errors import SpecError, UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import Follower, Geometry, MobileManipulator
 from mobman.model.platforms.platform import Platform, Site, platforms
+from mobman.model.posture_weights import heading_weight
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.incoming.incoming import keep_urdf
 from mobman.robots.incoming.pinocchio_model import urdf_of
@@ -104,7 +105,11 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
         criterion_couplings=_criterion_couplings(spec, model),
         followers=followers,
     )
-    return _checked(_with_consistent_rest(robot))
+    _checked(_with_consistent_rest(robot))
+    given, base = spec.criterion, platform.base_joints
+    if base and given.heading is None and base[-1] not in given.weights:
+        robot.criterion_weights[robot.joint_names.index(base[-1])] = heading_weight(robot)
+    return robot
 
 
 def load_geometry(robot: MobileManipulator) -> Geometry:
@@ -333,6 +338,8 @@ def _criterion_weights(
 ) -> Array:
     given = spec.criterion
     base = dict.fromkeys(platform.base_joints, given.platform)
+    if given.heading is not None and platform.base_joints:
+        base[platform.base_joints[-1]] = given.heading
     following = (*platform.following, *(one.joint for one in followers))
     base |= dict.fromkeys(following, _FOLLOWING)
     if given.wheels is not None:
@@ -375,8 +382,8 @@ def _with_consistent_rest(robot: MobileManipulator) -> MobileManipulator:
     return robot
 
 
-def _checked(robot: MobileManipulator) -> MobileManipulator:
-    """The robot, if its numbers make sense.
+def _checked(robot: MobileManipulator) -> None:
+    """Check that a robot's numbers make sense.
 
     Raises:
         SpecError: If the rest posture is outside the limits, a weight is not positive, the arm has
@@ -420,4 +427,3 @@ def _checked(robot: MobileManipulator) -> MobileManipulator:
             f"{', '.join(worst)} meets no inertia; check mass and moments in the <inertial> elements of "
             f"the links behind, in {robot.urdf}"
         )
-    return robot

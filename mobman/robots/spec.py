@@ -6,12 +6,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import (
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from mobman.toml_model import Strict, read_toml, validate
 
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 """Names of robots."""
+DRIVEN = 1e-9
+"""Weight of what grows with the way that is driven: after a million radians (or metres) it pulls as a
+fiftieth of a radian of the arm does at the default weight."""
 Point = tuple[float, float, float]
 
 
@@ -93,17 +102,28 @@ class Coupling(Strict):
 class CriterionSource(Strict):
     """Weights of the posture criterion (12): K_F, which is diagonal but for the couplings."""
 
-    platform: float = Field(0.001, gt=0)
-    """Weight of the platform's position and heading (1/m^2, 1/rad^2)."""
+    platform: float = Field(DRIVEN, gt=0)
+    """Weight of the platform's position (1/m^2)."""
+    heading: float | None = Field(None, gt=0)
+    """Weight of the platform's heading (1/rad^2): ``platform`` where that alone is given, by
+    :func:`mobman.model.posture_weights.heading_weight` where neither is."""
     default: float = Field(0.05, gt=0)
     """Weight of all other coordinates."""
-    wheels: float | None = Field(None, gt=0)
-    """Weight of the platform's wheels; by default that of the others, the paper's choice. They
-    grow with the way that is driven, and then they outweigh the arm unless they weigh less."""
+    wheels: float | None = Field(DRIVEN, gt=0)
+    """Weight of the platform's wheels (1/rad^2). None, in older records, is that of the others, the
+    paper's choice: the angles outweigh the arm after some metres."""
     weights: dict[str, float] = {}
     """Weights of single coordinates, by joint name."""
     couplings: list[Coupling] = []
     """Coordinates that are to follow others."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _platforms_heading(cls, given: Any) -> Any:
+        """``platform`` was the weight of the heading, too."""
+        if isinstance(given, Mapping) and "platform" in given and "heading" not in given:
+            return {**given, "heading": given["platform"]}
+        return given
 
 
 class RobotSpec(Strict):

@@ -42,6 +42,21 @@ class Circle(KernelPath):
         return _circle, np.array(parameters, dtype=float)
 
 
+@dataclass(frozen=True)
+class PaperCircle(Circle):
+    """The paper's circle, with the paper's K_F, by which its numbers are."""
+
+    name: str = "paper"
+
+    def criterion_weights(self, robot: MobileManipulator) -> Array:
+        """Diagonal of the K_F that the paper prints for its youBot, shape (nq,).
+
+        0.001 for the platform's pose, 0.0001 for its joint y_1, 0.05 for all others.
+        """
+        by_name = dict.fromkeys(robot.platform.base_joints, 0.001) | {"y_1": 0.0001}
+        return np.array([by_name.get(name, 0.05) for name in robot.joint_names])
+
+
 @kernel
 def _circle(t: Vector, parameters: Vector, p_d: Matrix) -> None:
     radius, w = parameters[3], parameters[4]
@@ -59,9 +74,9 @@ def _circle(t: Vector, parameters: Vector, p_d: Matrix) -> None:
 
 
 @tasks.register("paper")
-def paper_circle(robot: MobileManipulator, q0: Array) -> Circle:
+def paper_circle(robot: MobileManipulator, q0: Array) -> PaperCircle:
     """The paper's task, section 4, for its youBot: (2 + cos t, 3 + sin t, 0.35)."""
-    return Circle(centre=(2.0, 3.0, 0.35), radius=1.0, rate=1.0, name="paper")
+    return PaperCircle(centre=(2.0, 3.0, 0.35), radius=1.0, rate=1.0)
 
 
 @tasks.register("circle")

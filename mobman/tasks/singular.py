@@ -27,6 +27,8 @@ _DIGITS = 6  # of lengths (m) and singular values of the kinematic path, the sam
 _COARSE = 4  # the same of the algorithmic path
 _DIRECTIONS = 8  # horizontal ones in which an algorithmic singularity is looked for
 _REACHES = 6.0  # how far, over the tip's distance from the arm's first joint
+_SPRING = 0.001  # 1/m^2, 1/rad^2: the paper's weight of the platform's pose
+_WHEEL_SPRING = 0.0005  # 1/rad^2
 _ABOVE = 1e-6  # horizontal share of that distance for a tip that is above the joint
 
 
@@ -42,6 +44,21 @@ class SingularPath(PointToPoint):
 
     depth: float = 0.0
     singular_value: float = 0.0
+
+
+class AlgorithmicPath(SingularPath):
+    """A path to an algorithmic singularity of a criterion that holds the platform."""
+
+    @staticmethod
+    def criterion_weights(robot: MobileManipulator) -> Array:
+        """Diagonal of K_F, shape (nq,): the robot's, with a spring on the platform.
+
+        A platform that nothing holds follows the tip wherever it goes, and the arm is not pressed.
+        """
+        springs = dict.fromkeys(robot.platform.base_joints, _SPRING)
+        springs |= {wheel.joint: _WHEEL_SPRING for wheel in robot.platform.wheels}
+        own = zip(robot.joint_names, robot.criterion_weights.tolist(), strict=True)
+        return np.array([springs.get(name, weight) for name, weight in own])
 
 
 @tasks.register("kinematic-singularity")
@@ -111,14 +128,15 @@ def algorithmic_singularity(
     ] = None,
     travel: Travel = TRAVEL,
     pause: Pause = PAUSE,
-) -> SingularPath:
+) -> AlgorithmicPath:
     """From the tip along a line, or around one corner, through the nearest such place, and back.
 
-    A criterion is a spring: it holds the platform and the arm where they rest, and the task pushes the
-    tip away. Where the arm is pushed towards its base, it buckles as a column does: the criterion's
-    minimum under the task's constraints ceases to be one, N (H + D) N^T and with it J lose their rank.
-    The solution of the extended task is followed along lines in ten directions, and along those that
-    turn off from the line towards the base, until one comes to such a place.
+    A criterion is a spring, with the weights of :class:`AlgorithmicPath`: it holds the platform and the
+    arm where they rest, and the task pushes the tip away. Where the arm is pushed towards its base, it
+    buckles as a column does: the criterion's minimum under the task's constraints ceases to be one,
+    N (H + D) N^T and with it J lose their rank. The solution of the extended task is followed along
+    lines in ten directions, and along those that turn off from the line towards the base, until one
+    comes to such a place.
 
     Raises:
         UsageError: If there is none, or depth takes the end of the path back to the last corner.
@@ -135,9 +153,11 @@ def algorithmic_singularity(
     angles = 2.0 * math.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
     directions = [math.cos(angle) * inward + math.sin(angle) * lateral for angle in angles]
     reach = _REACHES * scale if farthest is None else farthest
+    held = robot.copy()
+    held.criterion_weights[:] = AlgorithmicPath.criterion_weights(robot)
     try:
         found = nearest_degeneracy(
-            robot,
+            held,
             q0,
             directions=[*directions, up, -up],
             turns=[lateral, -lateral, up, -up],
@@ -162,7 +182,7 @@ def algorithmic_singularity(
     end = last + (round(length, _COARSE) + depth) * way / length
     value = round(found.singular_value, _COARSE)
     points, times = excursion([*corners, last, end], travel, pause)
-    return SingularPath(points, times, True, name, depth, value)
+    return AlgorithmicPath(points, times, True, name, depth, value)
 
 
 def least_singular_value(jacobian: Array) -> float:

@@ -42,7 +42,8 @@ class Task(Protocol):
     Optional attributes: ``period`` (s), where the path closes, for the metric of repeatability;
     ``duration`` (s), how long it is defined; ``name``, for records; ``tip_axis``, the axis of the tip
     frame that points, (0, 0, 1) without it; ``entry(t, p_d)``, which gives a function without arguments
-    that does the same as ``desired``, for speed (:func:`task_entry`).
+    that does the same as ``desired``, for speed (:func:`task_entry`);
+    ``criterion_weights(robot)``, a diagonal of K_F in the place of the robot's, shape (nq,).
 
     >>> import mobman as mm
     >>> import numpy as np

@@ -154,6 +154,14 @@ FIRES = {
              "criterion__weights": {"y_1": 1.0}},
         "singularities", "warning", ["the criterion", "nearly singular at rest"], ["[criterion]"],
     ),
+    "weights of the paper": (
+        {}, {"criterion__platform": 0.001, "criterion__default": 0.05, "criterion__wheels": 0.05},
+        "weights", "warning", ["after 100 m", "'phi_1'", "'base_theta'"], ["'heading' to 1e-09"],
+    ),
+    "heading that is held too hard": (
+        {}, {"criterion__heading": 0.5},
+        "weights", "warning", ["badly conditioned", "0.5 could be 1e-09"], ["'heading' to 1e-09"],
+    ),
     "posture that the motors cannot hold": (
         {}, {},
         "gravity", "warning", ["cannot hold", "y_2", "9.5 N m"], ["[rest]", "effort", "youbot.urdf"],
@@ -195,7 +203,7 @@ def test_check_fires_with_what_is_found_and_a_fix(what, tmp_path):
     [
         *(("youbot", check) for check in (
             "constraints", "derivatives", "ground", "inertias", "meshes", "reach", "singularities",
-            "wheel-radius",
+            "weights", "wheel-radius",
         )),
         *(("tiago_no_hand", check) for check in ("closed-loop", "gravity", "limits", "meshes")),
     ],
@@ -221,10 +229,8 @@ def test_robots_that_come_with_mobman_have_nothing_wrong(robot):
 
 def test_no_robot_that_comes_with_mobman_is_called_singular(robot):
     """All of them follow the circle, with weights of wheels that are small by design."""
-    assert [item.status for item in run_checks(robot, only=["singularities", "criterion"])] == [
-        "ok",
-        "ok",
-    ]
+    only = ["singularities", "criterion", "weights"]
+    assert [item.status for item in run_checks(robot, only=only)] == ["ok"] * 3
 
 
 def test_factor_on_all_weights_changes_no_conditioning():

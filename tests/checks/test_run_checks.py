@@ -10,7 +10,7 @@ from mobman.errors import UnknownNameError
 
 KINDS = {
     "closed-loop", "constraints", "criterion", "derivatives", "following", "gravity", "ground",
-    "inertias", "limits", "meshes", "reach", "singularities", "wheel-radius",
+    "inertias", "limits", "meshes", "reach", "singularities", "weights", "wheel-radius",
 }  # fmt: skip
 
 

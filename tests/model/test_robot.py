@@ -74,15 +74,12 @@ def test_rest_posture_is_what_the_description_says(robot):
 
 def test_criterion_weights_are_what_the_description_says(robot):
     given = robot.spec.criterion
-    wheels = {wheel.joint for wheel in robot.platform.wheels}
+    wheels = {wheel.joint: given.wheels for wheel in robot.platform.wheels}
+    base = {"base_x": given.platform, "base_y": given.platform, "base_theta": given.heading}
     following = {*robot.platform.following, *(one.joint for one in robot.followers)}
+    expected = {**base, **wheels, **dict.fromkeys(following, 1e-9), **given.weights}
     for name, weight in zip(robot.joint_names, robot.criterion_weights, strict=True):
-        default = given.platform if name.startswith("base_") else given.default
-        if name in wheels and given.wheels is not None:
-            default = given.wheels
-        if name in following:
-            default = 1e-9
-        assert weight == given.weights.get(name, default)
+        assert weight == expected.get(name, given.default)
 
 
 def test_criterion_couplings_are_what_the_description_says(robot):

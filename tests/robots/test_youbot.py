@@ -9,6 +9,7 @@ import pinocchio as pin
 from support.differences import relative
 from support.states import random_states
 
+import mobman as mm
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
@@ -102,9 +103,17 @@ def test_start_is_the_papers(youbot):
     assert np.allclose(youbot.q_rest, [-0.4, 0, 0, 0, 0, 0, -pi / 18, pi / 9], atol=1e-15)
 
 
-def test_criterion_weights_are_the_papers(youbot):
+def test_criterion_weights_of_its_task_are_the_papers(youbot):
+    """Those of its description hold for longer than the paper's 10 s."""
     expected = [0.001, 0.001, 0.001, 0.05, 0.05, 0.0001, 0.05, 0.05]
-    assert youbot.criterion_weights.tolist() == expected
+    task = mm.make_task("paper", youbot)
+    assert task.criterion_weights(youbot).tolist() == expected
+    for name in ("tsm", "extended-jacobian"):
+        law = mm.make_controller(name)
+        law.reset(youbot, task, 1e-3)
+        assert law.settings()["K_F"] == expected
+        law.reset(youbot, mm.make_task("circle", youbot), 1e-3)
+        assert law.settings()["K_F"] == youbot.criterion_weights.tolist() != expected
 
 
 def test_masses_are_the_papers(youbot):

@@ -11,7 +11,12 @@ from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap
 from mobman.tasks.paths import place_of
-from mobman.tasks.singular import least_singular_value, nearest_degeneracy, stretched
+from mobman.tasks.singular import (
+    AlgorithmicPath,
+    least_singular_value,
+    nearest_degeneracy,
+    stretched,
+)
 from mobman.tasks.task import make_task
 
 KINEMATIC, ALGORITHMIC = "kinematic-singularity", "algorithmic-singularity"
@@ -30,7 +35,8 @@ def least(robot, q):
 
 def _least(robot, record):
     """Least singular values of j_e, and least eigenvalues of J J^T, along a run."""
-    extended = ExtendedJacobian(robot, TaskMap(), Posture.of(robot))
+    held = Posture(AlgorithmicPath.criterion_weights(robot), robot.q_rest)
+    extended = ExtendedJacobian(robot, TaskMap(), held)
     tips, wholes = [], []
     for q, z in zip(record.q[::5], record.z[::5], strict=True):
         extended.at(q, z)
@@ -113,6 +119,7 @@ def test_run_loses_the_rank_of_the_extended_jacobian_alone(name):
 @pytest.mark.parametrize("name", ["youbot", "fixed_panda", "husky_ur5", "tiago_no_hand"])
 def test_at_the_end_of_the_way_the_extended_jacobian_is_singular(name):
     robot = mm.load_robot(name)
+    robot.criterion_weights[:] = AlgorithmicPath.criterion_weights(robot)
     place = place_of(robot, robot.q_rest)
     back = np.array([*(robot.arm_origin(robot.q_rest) - place.tip)[:2], 0.0])
     back /= np.linalg.norm(back)

@@ -55,7 +55,6 @@ from mobman.robots.urdf.shapes import USES, bounds
 
 _NO_DIRECTION = 0.001  # weight of a swerve platform's direction of travel
 _AXES = ("y", "-y", "x", "-x", "z")  # of a root link, the likeliest first
-_LONG = 1.0  # m; an arm of this reach moves its tip by a metre a radian
 
 
 @dataclass(frozen=True)
@@ -187,7 +186,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         following=tuple(joint.name for joint in tree.movable if joint.name in free),
         locks=tuple(locks),
         rest=rest,
-        weights=_weights(drive, radius, arm),
+        weights=_weights(drive, arm),
         couplings=tuple(couplings),
         uncertain=tuple(dict.fromkeys(uncertain)),
         warnings=tuple(drive.rounded()),
@@ -333,20 +332,10 @@ def _rest(tree: Tree, arm: Arm, still: set[str], around: Surroundings) -> dict[s
     return {name: Inferred(value) for name, value in values.items()} | at
 
 
-def _weights(drive: Drive, radius: Inferred | None, arm: Arm) -> dict[str, Inferred]:
-    """Weights of the posture criterion that make metres and radians comparable, by joint name.
-
-    A wheel's weight is for the metres that it rolls: with a long arm a metre weighs as much as a
-    radian; the less an arm reaches, the more of the way is the platform's, and the less it weighs.
-    A slide's whole way weighs as much as a radian.
-    """
+def _weights(drive: Drive, arm: Arm) -> dict[str, Inferred]:
+    """Weights of the posture criterion that are not the default; a slide's whole way weighs a radian."""
     found = {}
     default = CriterionSource().default
-    if radius is not None:
-        share = min(arm.reach / _LONG, 1.0)
-        weight = float(f"{default * (radius.value * share) ** 2:.2g}")
-        why = f"default * (wheel_radius * {share:.2g} / m)^2: by the metres that it rolls"
-        found = {w.name: Inferred(weight, why) for w in drive.rolling}
     if drive.wheels and drive.steering:
         why = "small: the direction of travel follows the arm, and none is preferred"
         found[TRAVEL_JOINTS[0]] = Inferred(_NO_DIRECTION, why)

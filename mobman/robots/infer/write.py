@@ -64,9 +64,10 @@ _REST = (
     "Joint positions (m, rad) away from limits and singular postures; joints that are not named rest at "
     "0, locked ones are held there."
 )
-_WEIGHTS = (
-    "The default is for a radian of the arm. With it a wheel's angle, which grows all the way, or a "
-    "slide of a few centimetres would lead through algorithmic singularities."
+_WEIGHTS = "The default is for a radian of the arm; the whole way of a slide weighs as much."
+_DRIVEN = (
+    "What grows with the way that is driven must not pull: the pull would grow until the arm folds. The "
+    "heading weighs as little as conditions the criterion well where the tip stands."
 )
 _COUPLINGS = (
     "A steering angle does not move the tip at once, and so nothing else here asks for one: it would "
@@ -145,10 +146,7 @@ def robot_toml(
     if found.following:
         _say(tool, f"{', '.join(found.following)}: without a motor, as the URDF says by <mimic>")
     _table(toml, "rest", found.rest, _REST)
-    weights = {
-        "platform": Inferred(standard.platform, "1/m^2, 1/rad^2"),
-        "default": Inferred(standard.default, "1/rad^2"),
-    }
+    weights = {"default": Inferred(standard.default, "1/rad^2")}
     criterion = _table(toml, "criterion", weights, beside="K_F of (12)")
     if found.couplings:
         _say(criterion, _COUPLINGS)
@@ -185,6 +183,27 @@ def _part(source: UrdfSource, own: set[str], found: Inference) -> Table:
             for i, pattern in enumerate(patterns(names, movable))
         )
     return table
+
+
+def with_platform_weights(text: str, heading: float, why: str) -> str:
+    """A robot's TOML with the weights of the platform in its criterion.
+
+    Args:
+        text: The TOML.
+        heading: Weight of the heading.
+        why: What it is good for.
+    """
+    toml, standard = tomlkit.parse(text), CriterionSource()
+    criterion: Any = toml["criterion"]
+    rest = [(key, criterion.pop(key)) for key in list(criterion)]
+    _say(criterion, _DRIVEN)
+    for key, value in (("platform", standard.platform), ("wheels", standard.wheels)):
+        criterion[key] = value
+    criterion["heading"] = heading
+    criterion["heading"].comment(_clean(why))
+    for key, value in rest:
+        criterion[key] = value
+    return tomlkit.dumps(toml)
 
 
 def _table(

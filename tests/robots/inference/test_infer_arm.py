@@ -291,16 +291,6 @@ def test_held_joints_with_odd_limits(inferred):
     assert math.isfinite(found.rest["arm_1_joint"].value)
 
 
-@pytest.mark.parametrize(("joints", "share"), [(6, 1.0), (3, 0.45)])
-def test_wheels_weigh_by_the_metres_that_they_roll(inferred, joints, share):
-    """Less where the arm is short: one of three joints reaches 0.15 + 0.2 + 0.1 m."""
-    found = inferred(differential().arm(joints=joints, tip="tool0"))
-    assert found.weights["wheel_right_joint"].value == pytest.approx(
-        0.05 * (0.1 * share) ** 2, rel=0.05
-    )
-    assert found.weights["wheel_right_joint"] == found.weights["wheel_left_joint"]
-
-
 def following(multiplier, limits=(0.0, 0.3)):
     """A telescope whose second slide follows the first."""
     robot = torso(differential()).link("inner").link("outer")
