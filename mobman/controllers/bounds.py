@@ -17,7 +17,9 @@ _SPREAD = 0.5  # rad or m: how far sampled arm coordinates are from rest
 _MARGIN = (
     0.1  # of the sampled minimum: what "auto" uses, since sampling sees the worst state rarely
 )
-_FLOOR = 1e-6  # below this, the samples are singular to the precision of the sampling
+_FLOOR = 1e-12
+"""Below it, the samples are singular to the precision of J. Rows of J are as large as the criterion's
+weights, so that a sound robot may have 1e-9: the platform's part of an omnidirectional one."""
 _HORIZON = 10.0  # s: the part that is sampled of a task that does not say how long it is
 _SEED = 20_240_607
 

@@ -18,6 +18,7 @@ from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
+from mobman.tasks.circle import paper_circle
 from mobman.tasks.paths import PAUSE, TRAVEL, Pause, PointToPoint, Travel, excursion, place_of
 from mobman.tasks.task import parameter, tasks
 
@@ -27,8 +28,6 @@ _DIGITS = 6  # of lengths (m) and singular values of the kinematic path, the sam
 _COARSE = 4  # the same of the algorithmic path
 _DIRECTIONS = 8  # horizontal ones in which an algorithmic singularity is looked for
 _REACHES = 6.0  # how far, over the tip's distance from the arm's first joint
-_SPRING = 0.001  # 1/m^2, 1/rad^2: the paper's weight of the platform's pose
-_WHEEL_SPRING = 0.0005  # 1/rad^2
 _ABOVE = 1e-6  # horizontal share of that distance for a tip that is above the joint
 
 
@@ -47,18 +46,15 @@ class SingularPath(PointToPoint):
 
 
 class AlgorithmicPath(SingularPath):
-    """A path to an algorithmic singularity of a criterion that holds the platform."""
+    """A path to an algorithmic singularity of a criterion that holds the platform: the paper's.
+
+    A platform that nothing holds follows the tip wherever it goes, and the arm is not pressed.
+    """
 
     @staticmethod
     def criterion_weights(robot: MobileManipulator) -> Array:
-        """Diagonal of K_F, shape (nq,): the robot's, with a spring on the platform.
-
-        A platform that nothing holds follows the tip wherever it goes, and the arm is not pressed.
-        """
-        springs = dict.fromkeys(robot.platform.base_joints, _SPRING)
-        springs |= {wheel.joint: _WHEEL_SPRING for wheel in robot.platform.wheels}
-        own = zip(robot.joint_names, robot.criterion_weights.tolist(), strict=True)
-        return np.array([springs.get(name, weight) for name, weight in own])
+        """Diagonal of K_F, shape (nq,): those of the task ``paper``."""
+        return paper_circle(robot, robot.q_rest).criterion_weights(robot)
 
 
 @tasks.register("kinematic-singularity")

@@ -33,8 +33,8 @@ def test_a_lies_below_what_it_bounds(law, robot):
     least = min(_eigenvalues(robot, task, space))
     assert isinstance(a, float)
     assert a > 0.0
-    # 1e-6 is the least that is ever used
-    assert a <= max(0.5 * least, 1e-6)
+    # 1e-12 is the least that is ever used
+    assert a <= max(0.5 * least, 1e-12)
 
 
 def test_a_is_no_smaller_than_the_samples_ask_for(youbot):

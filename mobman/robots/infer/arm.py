@@ -32,6 +32,9 @@ _REACH = 0.05  # m; what reaches less far is no arm: a ball caster, for one
 _ARM = 3  # joints from which on a chain is an arm
 _CARRIED = 2  # joints in front of a gripper, at least
 _UPRIGHT = math.cos(0.1)  # an axis that is less tilted than 0.1 rad is vertical
+_TURN_A_LAP = 0.01  # rad by which steering may turn a car on a lap of the circle below
+_CIRCLE = 0.5  # m: radius of the task `circle`
+_MOST_STEERED = 0.5  # of the arm's yaw
 _LEVER_ARM = 0.05  # m; a tip that is nearer to an axis is not moved by it
 _SAMPLES = 4000
 _SEED = 0
@@ -376,19 +379,30 @@ def _rounded(
     return rounded + 0.0 if inside else min(max(value, limits[0]), limits[1])
 
 
-def steering_couplings(steering: Mapping[str, float], chain: Chain, rest: Array) -> list[Coupling]:
+def steering_couplings(
+    steering: Mapping[str, float], chain: Chain, rest: Array, wheelbase: float | None
+) -> list[Coupling]:
     """Couplings that let all that steers follow a yaw of the arm at rest; none if it has no yaw.
+
+    Their weight is for runs that last: where the arm goes round a circle of area A while a car drives to
+    and fro, steering by the share c of the arm's yaw turns it by c A / (reach wheelbase) a lap.
 
     Args:
         steering: Coordinates: 1.0 where positive angles turn to the left, else -1.0.
         chain: The arm.
         rest: Its posture, shape (n,).
+        wheelbase: From the axle to what steers (m); None where steering does not turn the platform.
     """
     centres, axes, tip, _ = (values[0] for values in chain.places(rest[None]))
     weight = CriterionSource().default
     for joint, centre, axis in zip(chain.joints, centres, axes, strict=True):
         yaws = not joint.prismatic and abs(axis[2]) >= _UPRIGHT
-        if yaws and np.linalg.norm(tip[:2] - centre[:2]) >= _LEVER_ARM:
+        reach = float(np.linalg.norm(tip[:2] - centre[:2]))
+        if yaws and reach >= _LEVER_ARM:
+            if wheelbase is not None:
+                share = _TURN_A_LAP * reach * wheelbase / (math.pi * _CIRCLE**2)
+                share = min(share, _MOST_STEERED)
+                weight = float(f"{weight * share / (1.0 - share):.2g}")
             return [
                 Coupling(
                     joint=name, to=joint.name, ratio=sign * float(np.sign(axis[2])), weight=weight

@@ -167,9 +167,11 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         chain = Chain(tree, arm.joints, arm.tip.value, rest)
         posture = np.array([float(rest[joint.name].value) for joint in arm.joints])
         turning = {joint.name: float(np.sign(joint.axis[2])) for joint in drive.steering}
+        ahead = drive.steering[0].centre[:2] - (0.0 if drive.centre is None else drive.centre[:2])
+        wheelbase: float | None = abs(float(ahead @ drive.forward.direction))
         if drive.wheels:  # a swerve platform's joints follow its direction of travel
-            turning = {TRAVEL_JOINTS[0]: 1.0}
-        couplings = steering_couplings(turning, chain, posture)
+            turning, wheelbase = {TRAVEL_JOINTS[0]: 1.0}, None
+        couplings = steering_couplings(turning, chain, posture, wheelbase)
         if not couplings:
             uncertain.append(
                 "no joint of the arm turns it about the vertical, so that nothing says where to steer: "

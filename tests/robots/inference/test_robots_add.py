@@ -359,18 +359,25 @@ def test_a_car_steers_to_where_its_arm_turns(run, tmp_path, axis):
     text = (tmp_path / "r.toml").read_text()
     assert "does not move the tip at once" in text
     couplings = tomllib.loads(text)["criterion"]["couplings"]
+    weights = {coupling.pop("weight") for coupling in couplings}
     assert couplings == [
-        {
-            "joint": f"{side}_steering",
-            "to": "arm_1_joint",
-            "ratio": float(axis.split()[2]),
-            "weight": 0.05,
-        }
+        {"joint": f"{side}_steering", "to": "arm_1_joint", "ratio": float(axis.split()[2])}
         for side in ("right", "left")
     ]
-    record = mm.simulate(tmp_path / "r.toml", "tsm", "circle", duration=10.0)
+    # a lap turns the car by 0.01 rad
+    robot = mm.load_robot(tmp_path / "r.toml")
+    reach = np.linalg.norm(
+        (robot.tip_pose(robot.q_rest).translation - robot.arm_origin(robot.q_rest))[:2]
+    )
+    (weight,) = weights
+    share = weight / (weight + 0.05)
+    wheelbase = robot.platform.wheelbase
+    assert share * np.pi * 0.5**2 / (reach * wheelbase) == pytest.approx(0.01, rel=0.05)
+    record = mm.simulate(robot, "tsm", "circle", duration=30.0, dt=4e-3)
     assert record.ok
     assert np.linalg.norm(record.task_error[-1000:], axis=1).max() < 1e-4
+    laps = 30.0 * 0.5 / (2 * np.pi)
+    assert abs(record.q[-1, robot.joint_names.index("base_theta")]) < 2.0 * 0.01 * laps
 
 
 @pytest.mark.parametrize(
