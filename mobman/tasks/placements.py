@@ -125,6 +125,7 @@ def placement(robot: MobileManipulator, index: int, seed: int = 0) -> tuple[Arra
         if base:
             q0[base[:-1]] += random.uniform(-_ROOM, _ROOM, len(base) - 1)
             q0[base[-1]] += random.uniform(-math.pi, math.pi)
+        q0 = robot.consistent(q0)
         default = circle_near_tip(robot, robot.q_rest)
         radius = default.radius * random.uniform(0.5, 1.5)
         rate = random.uniform(0.3, 0.6) * random.choice([-1.0, 1.0])

@@ -71,7 +71,7 @@ def test_runs_of_the_computed_torque_laws_are_those_stored(name):
 
 def test_a_gain_that_is_a_millionth_off_is_noticed():
     stored = read(FILE)["youbot"]["pseudo-inverse, nominal"]
-    law = mm.make_controller("pseudo-inverse", k_0=20.0 * (1 + 1e-6))
+    law = mm.make_controller("pseudo-inverse", K_p=25.0 * (1 + 1e-6))
     found = measured(run(mm.load_robot("youbot"), law, "nominal"))
     assert {"q", "z", "torque"} <= {item.partition(":")[0] for item in deviations(found, stored)}
 
