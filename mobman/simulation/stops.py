@@ -17,6 +17,7 @@ from mobman.simulation.pieces import PACKAGE, Piece, Setting, Types
 
 _SAMPLES = 64
 _FINE = 0.5  # of a stop's own time constant: an integration step in contact
+_FASTEST = 3000.0  # rad/s: a stop that swings faster would take steps of a few microseconds
 
 stops = Types("stop type", PACKAGE)
 """Types of stops; each starts as a :class:`Contact`, or None."""
@@ -56,7 +57,7 @@ class JointLimits(Piece):
     :math:`\max(0, k\,d + c\,\dot d)` at a depth d > 0, so that no stop gives more energy than it took.
 
     They are as stiff as ``frequency`` with the least inertia that the joint has anywhere within its
-    limits, and stiff enough to hold the joint's own motor within ``depth``.
+    limits, and stiff enough to hold the joint's own motor within ``depth``, up to 3000 rad/s.
     """
 
     frequency: float = Field(300.0, gt=0)
@@ -82,7 +83,7 @@ class JointLimits(Piece):
         stiffness = self.frequency**2 * inertia
         held = np.isfinite(torque)
         stiffness[held] = np.maximum(stiffness[held], torque[held] / self.depth)
-        stiffness = np.where(stopped, stiffness, 0.0)
+        stiffness = np.where(stopped, np.minimum(stiffness, _FASTEST**2 * inertia), 0.0)
         damping = 2.0 * self.damping * np.sqrt(stiffness * inertia)
         # of critical damping both roots are the frequency; of more, the faster is about twice as much
         rate = max(1.0, 2.0 * self.damping) * np.sqrt(stiffness / inertia).max()
