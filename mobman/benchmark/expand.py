@@ -213,7 +213,11 @@ class _Expansion:
                     where = f"controller {name!r} in groups.{number}"
                     attempt(where, make_controller, law, **{**gains, **group.gains[meant]})
         for name, parameters in self._tasks.fields.items():
-            attempt(f"task {name!r}", check_parameters, self._task_of(name)[0], parameters)
+            task = self._task_of(name)[0]
+            checked = attempt(f"task {name!r}", check_parameters, task, parameters) or {}
+            # a file's content in the place of its path: a run depends on that, and workers need no file
+            contents = {key: value for key, value in checked.items() if isinstance(value, dict)}
+            self._tasks.fields[name] = {**parameters, **contents}
         for name in self._scenarios.fields:
             attempt(f"scenario {name!r}", self._scenario, name)
 

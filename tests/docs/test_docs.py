@@ -61,6 +61,8 @@ OWN_TASKS = [
     "pose",
     "pose-circle",
     "pointing-circle",
+    "waypoints",
+    "path",
     "kinematic-singularity",
     "algorithmic-singularity",
 ]
