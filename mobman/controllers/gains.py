@@ -13,6 +13,7 @@ from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import GainError
 
 Auto = Literal["auto"]
+MOST_TICKS = 100
 Diagonal = float | Sequence[float]
 """A diagonal matrix: one number for all entries, or one for each."""
 
@@ -73,6 +74,16 @@ def require_bound(gains: Any, name: str, inequality: str) -> None:
             raise GainError(f"{name} = {value!r}: must be 'auto' or a number above 0")
     elif not _number(gains, name) > 0.0:
         raise GainError(f"{name} = {value!r}: must be above 0, since {inequality}")
+
+
+def require_ticks(gains: Any, name: str) -> None:
+    """Raises GainError unless the gain is None or a whole number of ticks, 0 to 100."""
+    value = getattr(gains, name)
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, (bool, np.bool_))
+    if value is not None and not (whole and 0 <= value <= MOST_TICKS):
+        raise GainError(
+            f"{name} = {value!r}: must be a whole number of ticks from 0 to {MOST_TICKS}"
+        )
 
 
 def require_choice(gains: Any, name: str, choices: Sequence[str]) -> None:

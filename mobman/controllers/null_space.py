@@ -33,6 +33,7 @@ from mobman.controllers.tsm import (
     kinematic_gain,
     unit_vector,
 )
+from mobman.errors import GainError
 from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, copy, dot
 from mobman.model.criterion import criterion_entry
 from mobman.model.metric import base_metric
@@ -57,6 +58,11 @@ class NullSpaceGains(SlidingGains):
         super().__post_init__()
         require_positive(self, "kappa", "k_v")
         require_not_negative(self, "k_0")
+        if self.damping:
+            raise GainError(
+                f"damping = {self.damping!r}: {NullSpaceSlidingMode.name!r} has no damped stage; "
+                "allowed: 0"
+            )
 
 
 class NullSpaceSlidingMode(TerminalSlidingMode):

@@ -19,6 +19,8 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.bounds import actuation_bound, inertia_bound, jacobian_bound
+from mobman.controllers.damped import Damping, damp
+from mobman.controllers.delay import UnderWay, automatic_metric_scale, predict_acceleration
 from mobman.controllers.gains import (
     Auto,
     Diagonal,
@@ -32,6 +34,7 @@ from mobman.controllers.gains import (
     require_not_negative,
     require_positive,
     require_positive_diagonal,
+    require_ticks,
 )
 from mobman.controllers.limits import (
     Cap,
@@ -48,6 +51,7 @@ from mobman.controllers.limits import (
 from mobman.controllers.protocol import DisplayedLaw, controllers
 from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
+from mobman.errors import GainError
 from mobman.linalg import apply_transpose, dot, gram, norm, solve
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
@@ -96,7 +100,18 @@ class CascadeGains:
     boundary_layer: float = gain(
         0.0, "that of s, of S", "width in which s/|s| becomes s/width; 0: none"
     )
-    metric_scale: float = gain(1.0, "1", "factor of the nominal M in the implicit form's metric")
+    metric_scale: float | Auto = gain(
+        "auto", "1", "factor of the nominal M in the implicit form's metric"
+    )
+    delay_ticks: int | None = gain(
+        None, "ticks", "how late torques act, which is predicted; None: not told, and 1 is borne"
+    )
+    lightest: float = gain(
+        1.0, "1", "least true inertia over the nominal one, for metric_scale = 'auto'"
+    )
+    damping: float = gain(
+        0.0, "1", "J J^T is damped below so many times its bound (22), see theory; 0: never"
+    )
     saturation: Literal["none", "hedge"] = gain(
         "none", "", "what is done where a motor's limit is reached: none, hedge"
     )
@@ -112,9 +127,11 @@ class CascadeGains:
 
     def __post_init__(self) -> None:
         require_positive_diagonal(self, "lambda_0", "lambda_1", "lambda_2", "Lambda_0", "Lambda_1")
-        require_positive(self, "c_0", "w_1", "w_2", "w_3k", "w_4k", "C_0", "c_F", "metric_scale")
+        require_positive(self, "c_0", "w_1", "w_2", "w_3k", "w_4k", "C_0", "c_F", "lightest")
         require_not_negative(self, "w_3", "w_4", "w_5", "w_6", "w_7", "w_8", "w_9")
-        require_not_negative(self, "beta_0", "beta_1", "boundary_layer")
+        require_not_negative(self, "beta_0", "beta_1", "boundary_layer", "damping")
+        require_bound(self, "metric_scale", "it is a factor of an inertia")
+        require_ticks(self, "delay_ticks")
         require_at_least_one(self, "c", "Theorem 1")
         require_at_least_one(self, "C", "Theorem 2")
         require_bound(self, "a", "0 < a <= lambda_min(J J^T) (22)")
@@ -123,6 +140,10 @@ class CascadeGains:
         require_choice(self, "saturation", ("none", "hedge"))
         require_torque_limits(self.torque_limits)
         require_caps(self, "v_max", "a_max")
+        if self.damping and self.discretization != "implicit":
+            raise GainError(
+                f"damping = {self.damping!r}: only the implicit form has a damped stage; allowed: 0"
+            )
         if self.K_F is not None:
             require_positive_diagonal(self, "K_F")
 
@@ -142,7 +163,7 @@ class SlidingGains(CascadeGains):
 
 POWERS = {"p_0": 9 / 7, "p_1": 1 / 3, "p_2": 3 / 5}
 """Exponents of (31): of e' and of the bracket in which it stands, and of e''."""
-_NUMBERS = ["a", "A", "dt", "alpha_1", "alpha_2", *POWERS] + [
+_NUMBERS = ["a", "A", "dt", "alpha_1", "alpha_2", "metric_scale", *POWERS] + [
     field.name for field in fields(CascadeGains) if field.type == "float"
 ]
 _FLAGS = ["implicit", "inverse"]
@@ -263,6 +284,36 @@ def kinematic_stage(
 
 
 @kernel
+def damped_stage(
+    gains: Any,
+    stage: SlidingStage,
+    held: Held,
+    f: Vector,
+    J: Matrix,
+    J_dot_z: Vector,
+    p_d: Matrix,
+    q: Vector,
+    q_rest: Vector,
+    z: Vector,
+    own: Damping,
+) -> int:
+    """v_ref' as in :func:`kinematic_stage`, with J J^T + R where J J^T is nearly singular, and y in the
+    directions that it leaves, see :mod:`mobman.controllers.damped`."""
+    k = gains[0]
+    gain = kinematic_gain(gains, stage, held, f, J, J_dot_z, p_d, q, q_rest, z)
+    gram(J, stage.gram)
+    damp(k.dt, stage.gram, stage.drift, own, held.v_ref, J, z, p_d.shape[1])
+    if not unit_vector(k, stage, gain):
+        return Stop.NOT_DEFINITE
+    apply_transpose(J, stage.n, held.v_ref_dot)
+    for j in range(z.shape[0]):
+        held.v_ref_dot[j] = own.y[j] - gain * held.v_ref_dot[j]
+    for i in range(stage.s.shape[0]):
+        stage.integral[i] -= k.dt * gain * own.R[i] * stage.n[i]  # what R leaves of s
+    return 0
+
+
+@kernel
 def dynamic_stage(
     gains: Any, stage: SlidingStage, held: Held, z: Vector, z_dot: Vector, M: Matrix, B: Matrix
 ) -> int:
@@ -341,6 +392,13 @@ def power(x: float, exponent: float) -> float:
     return math.copysign(math.pow(abs(x), exponent), x)
 
 
+def metric_scale(gains: CascadeGains) -> float:
+    """The factor of M in the metric, also where it is "auto"."""
+    if isinstance(gains.metric_scale, str):
+        return automatic_metric_scale(gains.delay_ticks, gains.lightest)
+    return gains.metric_scale
+
+
 def in_force(gains: CascadeGains, dt: float, a: float, A: float, inverse: bool) -> Any:
     """The other gains, with the bounds (22) and (54) or (64), shape (1,); all powers are 1 where the
     gains have none."""
@@ -349,6 +407,7 @@ def in_force(gains: CascadeGains, dt: float, a: float, A: float, inverse: bool) 
     values = vars(gains) | powers | {"a": a, "A": A, "dt": dt, "inverse": inverse}
     values |= {"alpha_1": alpha_1, "alpha_2": 2.0 * alpha_1 / (1.0 + alpha_1)}
     values["implicit"] = gains.discretization == "implicit"
+    values["metric_scale"] = metric_scale(gains)
     if inverse:  # chi' of (66)
         values |= {"w_7": 1.0, "w_8": 0.0}
     found = np.recarray(1, IN_FORCE)
@@ -383,11 +442,13 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         Raises:
             GainError: If a gain has the wrong length for the robot.
         """
+        self._task = task
         self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F, task)
         space = self._space = self._task_space(robot, task)
         a, A = self._bounds(robot, task)
         K_F = self.criterion.weights.tolist()
         self._settings = as_settings(self.gains) | {"a": a, "A": A, "K_F": K_F}
+        self._settings["metric_scale"] = metric_scale(self.gains)
         limits = np.full(robot.nz, np.inf)
         if self.gains.saturation == "hedge":
             limits = self.torque_limits(robot, self.gains.torque_limits)
@@ -404,6 +465,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         self._law = sequence(
             now.inertia,
             *self._reference(robot, (k, kinematic, held, *state)),
+            *self._prediction(),
             bind(dynamic_stage, k, dynamic, held, *motion),
             bind(integrate, k, kinematic, dynamic, held),
             *(
@@ -427,6 +489,11 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         """The gains; after :meth:`reset`, with the numbers that "auto" became."""
         return self._settings
 
+    def reference(self) -> tuple[Array, Array]:
+        """z and z' that the kinematic stage wants at the end of the tick, the integral of v_ref and
+        v_ref; shape (nz,) each. The first is what a base is commanded that takes velocities."""
+        return self._held.integral_v_ref.copy(), self._held.v_ref.copy()
+
     def signals(self) -> dict[str, Array]:
         """The sliding variables of the last tick: s of (31) and S of (51)."""
         return {"sliding/s": self._kinematic.s, "sliding/S": self._dynamic.s}
@@ -435,7 +502,23 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         self, robot: MobileManipulator, stage: tuple[Any, ...]
     ) -> list[Callable[[], Any]]:
         """Entries that give v_ref', from the arguments of :func:`kinematic_stage`."""
-        return [bind(kinematic_stage, *stage)]
+        if not self.gains.damping:
+            return [bind(kinematic_stage, *stage)]
+        task, space = self._task, self._space
+        tip = jacobian_bound(robot, task, TaskSpace(robot, task), self._metric(robot))
+        bounds = (self._settings["a"], tip)
+        own = Damping.of(float(self.gains.damping), bounds, space.p, robot.nz)
+        return [bind(damped_stage, *stage, own)]
+
+    def _prediction(self) -> list[Callable[[], Any]]:
+        """Entries that put the predicted z' in the place of the measured one."""
+        delay, now = self.gains.delay_ticks, self._now
+        if not delay:
+            return []
+        under_way = UnderWay.of(delay, len(self._z_dot))
+        stop = Stop.NOT_DEFINITE.value
+        arguments = (under_way, self._held.v, now.M, now.B, self._z_dot, stop)
+        return [bind(predict_acceleration, *arguments)]
 
     def _task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
         return TaskSpace(robot, task, self.criterion if self.extended else None)

@@ -73,7 +73,7 @@ def test_smaller_metric_is_slower_but_arrives(scale):
 
 def test_metric_scale_is_a_factor_of_the_inertia():
     one = _stage(metric_scale=0.5)
-    other = _stage(inertia=0.5 * INERTIA)
+    other = _stage(inertia=0.5 * INERTIA, metric_scale=1.0)
     arguments = (START, -START, *np.ones((3, 2)))
     scaled, plain = one.step(*arguments), other.step(*arguments)
     assert np.array_equal(scaled, plain)
