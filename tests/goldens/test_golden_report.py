@@ -36,6 +36,7 @@ seeds = [4]
 
 [controllers.tsm]
 law = "tsm"
+gains = { metric_scale = 1.0 }
 
 [controllers.pseudo-inverse]
 law = "pseudo-inverse"
