@@ -50,7 +50,7 @@ Frame = Annotated[
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Spline(KernelPath):
     r"""Through points, at rest at both ends: a spline of degree 7 in time, or one of degree 5 in the
     length of the way, of which the share :math:`35\tau^4 - 84\tau^5 + 70\tau^6 - 20\tau^7` is done.
@@ -142,7 +142,7 @@ class Spline(KernelPath):
         return _spline, start, end - start, int(self.travel > 0.0), knots, pieces, work
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PoseSpline(Spline):
     """The same with orientations: the last four of a point's seven numbers are a unit quaternion, (w, x,
     y, z). The spline of the quaternions is scaled to length 1."""

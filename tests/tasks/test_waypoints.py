@@ -303,6 +303,14 @@ def test_what_is_no_file_is_refused(file, youbot):
         mm.make_task("path", youbot, file=file)
 
 
+def test_many_points_are_shown_by_their_number(youbot):
+    count = 1000
+    file = {"t": [float(i) for i in range(count)], **{axis: [0.1] * count for axis in "xyz"}}
+    made = mm.make_task("waypoints", youbot, file=file)
+    assert repr(made) == "Spline('waypoints')"
+    assert "1000" in made._repr_html_()
+
+
 def test_path_of_points_that_are_alike_is_refused(tmp_path, youbot):
     path = tmp_path / "points.csv"
     path.write_text("x,y,z\n0,0,0\n1,0,0\n1,0,0\n")
