@@ -23,10 +23,10 @@ def weights(subject: Subject) -> Iterator[Remark]:
         return
     own = dict(zip(robot.joint_names, robot.criterion_weights.tolist(), strict=True))
     rule, heading = heading_weight(robot), base[-1]
-    grown = dict.fromkeys(base[:-1], _WAY)
-    grown |= {wheel.joint: _WAY / wheel.radius for wheel in robot.platform.wheels}
+    grown = {wheel.joint: _WAY / wheel.radius for wheel in robot.platform.wheels}
     if rule <= DRIVEN:
         grown[heading] = _WAY / _CIRCLE
+    grown |= dict.fromkeys(base[:-1], _WAY)
     arm = max(own[robot.joint_names[i]] for i in robot.arm_index)
     pulling = [name for name, way in grown.items() if own[name] * way > arm]
     where = f"[criterion] of robot {robot.name!r}: see docs/robots.md#the-criterion"

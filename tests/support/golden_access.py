@@ -36,7 +36,7 @@ def model_terms(robot, q, z, q_dot, multiplier) -> dict[str, Any]:
     dynamics, velocity = robot.dynamics(q, z), robot.velocity(q, z)
     kinematics = robot.tip_kinematics(q, z)
     return {
-        "checked_configuration": robot.checked_configuration(q),
+        "checked_configuration": robot.checked_configuration(robot.consistent(q)),
         "constraint_matrix": robot.constraint_matrix(q),
         "constraint_matrix_rate": robot.constraint_matrix_rate(q, q_dot),
         "constraint_hessian": robot.constraint_hessian(q, multiplier),
@@ -52,6 +52,7 @@ def model_terms(robot, q, z, q_dot, multiplier) -> dict[str, Any]:
         "energy": robot.energy(q, z),
         "tip_pose": robot.tip_pose(q).homogeneous,
         "arm_origin": robot.arm_origin(q),
+        "consistent": robot.consistent(q),
         "tip_jacobian": robot.tip_jacobian(q),
         "tip_kinematics": {
             "position": kinematics.position,
