@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import math
 import os
 import re
 from collections import Counter
@@ -14,7 +15,7 @@ import numpy as np
 from rich.text import Text
 
 from mobman.cli.names import complete
-from mobman.cli.output import JSON, console, echo, print_json, table
+from mobman.cli.output import JSON, console, echo, number, print_json, table
 from mobman.cli.robots_add import add
 from mobman.errors import MobmanError, UnknownNameError, UsageError
 from mobman.robots.spec import NAME
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from mobman.model.mobile_manipulator import MobileManipulator
     from mobman.robots.spec import RobotSpec
 
+_TASK = "circle"  # the default one
 _NUMBERS = ("arm", "nz", "kg")
 _WIDE = 110  # characters that leave room for the descriptions
 _OTHERS = 76  # what the other columns take
@@ -34,7 +36,8 @@ _STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 @JSON
 @click.pass_context
 def robots(context: click.Context, as_json: bool) -> None:
-    """List the robots (arm: joints of the arm; nz: motors), or show, check, add or remove one."""
+    """List the robots (arm: joints of the arm; nz: motors), or show, check, add or remove one;
+    or compute the bounds that the theorems suppose of one."""
     if context.invoked_subcommand is not None:
         if as_json:
             raise click.UsageError(f"put --json behind {context.invoked_subcommand!r}")
@@ -202,6 +205,63 @@ def remove(name: str, as_json: bool) -> None:
         print_json({"name": name, "removed": [str(path) for path in (file, *copies)]})
     else:
         echo(f"removed {', '.join(str(path) for path in (file, *copies))}")
+
+
+@robots.command()
+@click.argument("name", **complete("robots"))
+@JSON
+def bounds(name: str, as_json: bool) -> None:
+    """Compute what the theorems suppose of the robot NAME (or the TOML file): w_1 to w_9, a, A.
+
+    They hold over sampled states of the default task, with a margin; beside them the paper's.
+    """
+    from mobman.controllers import computed_bounds as computing
+    from mobman.controllers.bounds import SEED, SPREAD
+    from mobman.model.build import load_robot
+    from mobman.tasks.task import make_task
+
+    robot = load_robot(name)
+    computed = computing.computed_bounds(robot, make_task(_TASK, robot))
+    if as_json:
+        about = computed._asdict()
+        stated = {"margin": computing.MARGIN, "confidence": computing.CONFIDENCE, "seed": SEED}
+        print_json(
+            {
+                "robot": robot.name,
+                "task": _TASK,
+                **about.pop("values"),
+                "paper": computing.PAPER,
+                "bounded": computing.BOUNDED,
+                **(about | stated | {"arm_spread": SPREAD}),
+            }
+        )
+        return
+    out = console()
+    out.print(robot.name, style="bold")
+    numbers = ("paper", "computed", "found")
+    listing = table("", *numbers, "of", right=numbers)
+    for key, value in computed.values.items():
+        found = computed.found.get(key, math.nan)
+        listing.add_row(
+            *(key, *map(number, (computing.PAPER[key], value, found)), computing.BOUNDED[key])
+        )
+    out.print(listing)
+    share = computed.exceeded
+    echo(
+        f"Over {computed.states} sampled states of {_TASK!r} (arm and steering within {SPREAD:g} "
+        f"rad of rest, any heading, any direction of z) and a local search from the worst; "
+        f"{computing.MARGIN:.0%} margin. With {computing.CONFIDENCE:.0%} confidence at most "
+        f"{share['w_7']:.1%} of such states lie beyond what the samples gave (w_1, w_2: "
+        f"{share['w_1']:.1%}). The paper's are for its youBot."
+    )
+    if computed.singular:
+        echo(f"At {computed.singular} more J does not exist: (15) supposes that they are not met.")
+    if not computed.regular:
+        echo(
+            f"No a > 0 holds for all of them: J is singular, lambda_min(J J^T) = "
+            f"{computed.found['a']:.1g}, where the search ended, which (15) excludes. The a above is "
+            "that of the laws' \"auto\" without its floor, a tenth of the samples' least."
+        )
 
 
 @robots.command()

@@ -13,15 +13,15 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
 
 _SAMPLES = 200
-_SPREAD = 0.5  # rad or m: how far sampled arm coordinates are from rest
-_MARGIN = (
+SPREAD = 0.5  # rad or m: how far sampled arm coordinates are from rest
+AUTO_MARGIN = (
     0.1  # of the sampled minimum: what "auto" uses, since sampling sees the worst state rarely
 )
-_FLOOR = 1e-12
+FLOOR = 1e-12
 """Below it, the samples are singular to the precision of J. Rows of J are as large as the criterion's
 weights, so that a sound robot may have 1e-9: the platform's part of an omnidirectional one."""
 _HORIZON = 10.0  # s: the part that is sampled of a task that does not say how long it is
-_SEED = 20_240_607
+SEED = 20_240_607
 
 
 def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Array]]:
@@ -31,10 +31,10 @@ def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Ar
     is above the desired point of a random time: within the task's ``duration`` or ``period`` if it
     has one, else its first 10 s.
     """
-    random = np.random.default_rng(_SEED)
+    random = np.random.default_rng(SEED)
     horizon = getattr(task, "duration", None) or getattr(task, "period", None) or _HORIZON
-    lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - _SPREAD)
-    upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + _SPREAD)
+    lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - SPREAD)
+    upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + SPREAD)
     heading = robot.joint_names.index("base_theta") if "base_theta" in robot.joint_names else None
     position = [robot.joint_names.index(n) for n in ("base_x", "base_y") if n in robot.joint_names]
     states = []
@@ -74,7 +74,7 @@ def jacobian_bound(
         # a turned platform is no orientation error that is met: the largest is at the start
         J = space.J if i == 0 else space.aligned_jacobian()
         least = min(least, float(np.linalg.svd(J * root, compute_uv=False)[-1] ** 2))
-    return max(_MARGIN * least, _FLOOR) if math.isfinite(least) else _FLOOR
+    return max(AUTO_MARGIN * least, FLOOR) if math.isfinite(least) else FLOOR
 
 
 def actuation_bound(robot: MobileManipulator, task: Task, w_7: float) -> float:
@@ -91,14 +91,14 @@ def actuation_bound(robot: MobileManipulator, task: Task, w_7: float) -> float:
         m, _, b = robot.dynamics(q, none)
         covered = min(1.0, w_7 / float(np.linalg.eigvalsh(m)[-1]))
         least = min(least, covered * float(np.linalg.svd(b, compute_uv=False)[-1]) ** 2)
-    return max(_MARGIN * least, _FLOOR)
+    return max(AUTO_MARGIN * least, FLOOR)
 
 
 def inertia_bound(robot: MobileManipulator, task: Task) -> float:
     """``A`` of the inverse-actuation law when ``"auto"``: a lower bound A' of lambda_min(M^-1), (64),
     the least 1/lambda_max(M) over :func:`sampled_states`, times a margin."""
     none = np.zeros(robot.nz)
-    return _MARGIN / max(
+    return AUTO_MARGIN / max(
         float(np.linalg.eigvalsh(robot.dynamics(q, none).M)[-1])
         for _, q in sampled_states(robot, task)
     )

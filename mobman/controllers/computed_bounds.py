@@ -1,0 +1,362 @@
+r"""The constants w_1 to w_9, a and A that Theorems 1 and 2 suppose, computed for a robot.
+
+What they bound, with :math:`h = Pz + G` of (17) and :math:`h_2 = Pz`, which is quadratic in z:
+
+- w_1, w_2: :math:`|J|_F, |\partial J/\partial q|_F, |\partial^2 J/\partial q^2|_F \le w_1 + w_2 |q -
+  q_{rest}|` (21), J with the axes of :math:`f_a` carried along straight lines, so that none of the norms
+  depends on them;
+- w_3 to w_9, term by term of (53) for :math:`|z| = 1`, where :math:`M\mathcal U + \dot M S/2 =
+  \dot B v - \dot M\dot z - \dot h - \dot D + M(\Lambda_0 E^{\alpha_1} + \Lambda_1 \dot E^{\alpha_2} -
+  J^T u_{ref}) + \dot M S/2`: w_3 :math:`|\dot B|`; w_4 :math:`|\partial h_2/\partial q\,C z|`; w_5
+  :math:`|\partial G/\partial q\,C z|`; w_6 = 1, since :math:`|\dot D| \le \beta_1` (18); w_7
+  :math:`|M|`; w_8 :math:`|\dot M|/2`; w_9 :math:`|\dot M + \partial h_2/\partial z|`;
+- a :math:`\le \lambda_{min}(JJ^T)` (22), and A :math:`\le \lambda_{min}(BB^T)` (54).
+
+Each term is homogeneous in z, so that directions of z are sampled, and no speeds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import Bounds, linprog, minimize
+from scipy.stats import beta
+
+from mobman.arrays import Array
+from mobman.controllers.bounds import AUTO_MARGIN, FLOOR, SEED, SPREAD, sampled_states
+from mobman.errors import SingularityError
+from mobman.model.criterion import Posture
+from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.task import Task, task_map_of
+
+PAPER = {
+    "w_1": 1.5,
+    "w_2": 0.001,
+    "w_3": 3.0,
+    "w_4": 9.0,
+    "w_5": 12.0,
+    "w_6": 0.0,
+    "w_7": 6.0,
+    "w_8": 0.011,
+    "w_9": 6.0,
+    "a": 0.2,
+    "A": 0.2,
+}
+"""The paper's constants for its youBot, section 4, which calls them rough."""
+BOUNDED = {
+    "w_1": "|J|, |dJ/dq|, |d2J/dq2| <= w_1 + w_2 |q - q_rest| (21)",
+    "w_2": "growth with |q - q_rest| (21)",
+    "w_3": "|B'| / |z|",
+    "w_4": "|d(Pz)/dq C z| / |z|^3",
+    "w_5": "|dG/dq C z| / |z|",
+    "w_6": "|D'| / beta_1 (18)",
+    "w_7": "|M|",
+    "w_8": "|M'| / (2 |z|)",
+    "w_9": "|M' + d(Pz)/dz| / |z|",
+    "a": "below lambda_min(J J^T) (22)",
+    "A": "below lambda_min(B B^T) (54)",
+}
+"""What each constant bounds, in words; w_3 to w_9 those of (53)."""
+MARGIN = 0.1
+"""By which bounds lie beyond the largest value found, as a part of it."""
+CONFIDENCE = 0.95
+_STEP = 1e-4  # rad or m: of central differences along the motion
+_STEP_J = 1e-3  # rad or m: of J's, of which there are second ones
+_CONSTANT = 1e-12  # part of a matrix below which a difference is rounding
+_WITH_DERIVATIVES = 60  # states at which the derivatives of J are computed, nq^2 + nq J each
+_STARTS = 2  # of the local search: the worst samples
+_ITERATIONS = 25  # of the local search
+
+
+class ComputedBounds(NamedTuple):
+    """See the module."""
+
+    values: dict[str, float]
+    """w_1 to w_9, a and A, with their margin."""
+    found: dict[str, float]
+    """The extreme value found for each but w_1, w_2 and w_6, after the local search."""
+    sampled: dict[str, float]
+    """That of the samples alone."""
+    exceeded: dict[str, float]
+    """Share of the states that at most lies beyond the sampled value, with :data:`CONFIDENCE`."""
+    states: int
+    """Number of sampled states at which J exists."""
+    singular: int
+    """Number of those at which it does not, which (15) excludes."""
+    regular: bool
+    """False if the search for a ended where J is singular: then no a > 0 holds for all these states,
+    and ``values`` has a tenth of the samples' least, as the laws' ``a = "auto"``."""
+
+
+def computed_bounds(robot: MobileManipulator, task: Task) -> ComputedBounds:
+    """w_1 to w_9, a and A over the states that a task may lead through, see the module.
+
+    The states are those of :func:`mobman.controllers.bounds.sampled_states`, steered wheels within 0.5
+    rad of rest too, each with a random direction of z. From the worst ones a local search
+    (L-BFGS-B) goes on over arm, heading, steering and direction of z, inside the same limits.
+
+    Raises:
+        SingularityError: If J exists at none of them.
+    """
+    random = np.random.default_rng(SEED)
+    region = _Region(robot)
+    samples = [_Sample(robot.q_rest, _direction(random, robot.nz))]
+    for _, q in sampled_states(robot, task):
+        samples.append(_Sample(region.steered(q, random), _direction(random, robot.nz)))
+    dynamics = _Dynamics(robot)
+    sampled: dict[str, float] = {}
+    found: dict[str, float] = {}
+    for name, term in dynamics.terms().items():
+        sign = -1.0 if name == "A" else 1.0
+        still = name in ("w_7", "A")
+        sampled[name], found[name] = region.extreme(term, sign, samples, still)
+    jacobians = _Jacobians(robot, task)
+    regular = [sample for sample in samples if jacobians.exists(sample.q)]
+    if not regular:
+        raise SingularityError("J exists at none of the sampled states", "J")
+    sampled["a"], found["a"] = region.extreme(jacobians.least, -1.0, regular, still=True)
+    w_1, w_2 = _line(robot, jacobians, region, regular)
+    values = {"w_1": w_1, "w_2": w_2}
+    values |= {f"w_{i}": (1.0 + MARGIN) * found[f"w_{i}"] for i in (3, 4, 5, 7, 8, 9)}
+    values |= {"w_6": 1.0} | {name: found[name] / (1.0 + MARGIN) for name in ("a", "A")}
+    if not (all_regular := found["a"] > FLOOR):
+        values["a"] = AUTO_MARGIN * sampled["a"]
+    exceeded = dict.fromkeys(sampled, _exceeded(1, len(samples)))
+    exceeded["a"] = _exceeded(1, len(regular))
+    exceeded["w_1"] = exceeded["w_2"] = _exceeded(2, min(len(regular), _WITH_DERIVATIVES))
+    found, sampled, exceeded, values = (
+        {name: one[name] for name in PAPER if name in one}
+        for one in (found, sampled, exceeded, values)
+    )
+    singular = len(samples) - len(regular)
+    return ComputedBounds(values, found, sampled, exceeded, len(regular), singular, all_regular)
+
+
+class _Sample(NamedTuple):
+    q: Array
+    z: Array
+
+
+_Term = Callable[[Array, Array], float]
+
+
+def _direction(random: np.random.Generator, nz: int) -> Array:
+    return _unit(random.standard_normal(nz))
+
+
+def _unit(z: Array) -> Array:
+    return z / max(float(np.linalg.norm(z)), 1e-300)
+
+
+def _exceeded(parameters: int, samples: int) -> float:
+    """Share of the states that may lie beyond a bound of so many parameters which covers so many
+    independent samples (Campi and Garatti, SIAM J. Optimization 19(3), 2008, theorem 1)."""
+    return float(beta.ppf(CONFIDENCE, parameters, samples - parameters + 1))
+
+
+class _Region:
+    """Where the local search may go: arm, heading and steering, and all directions of z."""
+
+    def __init__(self, robot: MobileManipulator) -> None:
+        self.robot = robot
+        base = robot.platform.base_joints
+        heading = [i for i, name in enumerate(robot.joint_names) if name == "base_theta"]
+        wheels = [i for i in robot.platform_index if robot.joint_names[i] not in base]
+        self.steering = np.array([i for i in wheels if self._steers(int(i))], dtype=np.int64)
+        self.free = np.concatenate([robot.arm_index, self.steering, heading]).astype(np.int64)
+        lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - SPREAD)
+        upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + SPREAD)
+        lower[heading], upper[heading] = -math.pi, math.pi
+        self.lower, self.upper = lower, upper
+
+    def _steers(self, i: int) -> bool:
+        """True if the directions of motion C depend on a coordinate."""
+        moved = self.robot.q_rest.copy()
+        moved[i] += _STEP
+        change = self.robot.velocity_map(moved) - self.robot.velocity_map(self.robot.q_rest)
+        return bool(np.abs(change).max() > _CONSTANT)
+
+    def steered(self, q: Array, random: np.random.Generator) -> Array:
+        q = q.copy()
+        q[self.steering] = random.uniform(self.lower, self.upper)[self.steering]
+        return self.robot.consistent(q)
+
+    def extreme(
+        self, term: _Term, sign: float, samples: Sequence[_Sample], still: bool
+    ) -> tuple[float, float]:
+        """The largest value (the least if the sign is -1) of the samples, and after the search;
+        ``still`` if the term does not depend on z."""
+        values = np.array([term(*sample) for sample in samples])
+        worst = np.argsort(-sign * values)[:_STARTS]
+        sampled = float(values[worst[0]])
+        ends = [self.search(term, sign, samples[i], still)[1] for i in worst]
+        return sampled, sign * max(sign * value for value in (sampled, *ends))
+
+    def search(
+        self, term: _Term, sign: float, start: _Sample, still: bool
+    ) -> tuple[_Sample, float]:
+        """The end of a local search for a larger (or smaller) value, and the value there."""
+        n, value = len(self.free), term(*start)
+        if (scale := abs(value)) == 0.0:
+            return start, value
+        best = (start, value)
+
+        def cost(x: Array) -> float:
+            nonlocal best
+            q = start.q.copy()
+            q[self.free] = x[:n]
+            here = _Sample(self.robot.consistent(q), start.z if still else _unit(x[n:]))
+            try:
+                value = term(*here)
+            except SingularityError:
+                return 1e3
+            if sign * value > sign * best[1]:
+                best = (here, value)
+            return -sign * value / scale
+
+        direction = start.z[:0] if still else start.z
+        lower = np.concatenate([self.lower[self.free], np.full(len(direction), -1.0)])
+        upper = np.concatenate([self.upper[self.free], np.full(len(direction), 1.0)])
+        x = np.clip(np.concatenate([start.q[self.free], direction]), lower, upper)
+        minimize(
+            cost,
+            x,
+            method="L-BFGS-B",
+            bounds=Bounds(lower, upper),
+            options={"maxiter": _ITERATIONS, "eps": 1e-6},
+        )
+        return best
+
+
+class _Dynamics:
+    """The terms of (53) and (54) at (q, z), |z| = 1."""
+
+    def __init__(self, robot: MobileManipulator) -> None:
+        self.robot = robot
+        self.rest = np.zeros(robot.nz)
+
+    def terms(self) -> dict[str, _Term]:
+        """The terms by the constant that bounds them."""
+        return {
+            "w_3": lambda q, z: _norm(self._rate(q, z, lambda at: self._at(at).B)),
+            "w_4": lambda q, z: _norm(self._rate(q, z, lambda at: self._quadratic(at, z))),
+            "w_5": lambda q, z: _norm(self._rate(q, z, lambda at: self._at(at).bias)),
+            "w_7": lambda q, z: _norm(self._at(q).M),
+            "w_8": lambda q, z: _norm(self._inertia_rate(q, z)) / 2.0,
+            "w_9": lambda q, z: _norm(self._inertia_rate(q, z) + self._by_velocity(q, z)),
+            "A": lambda q, z: _least(self._at(q).B),
+        }
+
+    def _at(self, q: Array) -> Any:
+        return self.robot.dynamics(q, self.rest)
+
+    def _inertia_rate(self, q: Array, z: Array) -> Array:
+        return self._rate(q, z, self.robot.reduced_inertia)
+
+    def _quadratic(self, q: Array, z: Array) -> Array:
+        """Pz of (17)."""
+        difference: Array = self.robot.dynamics(q, z).bias - self._at(q).bias
+        return difference
+
+    def _by_velocity(self, q: Array, z: Array) -> Array:
+        """d(Pz)/dz; central differences of what is quadratic are exact."""
+        units = np.eye(len(z))
+        columns = [
+            (self.robot.dynamics(q, z + e).bias - self.robot.dynamics(q, z - e).bias) / 2.0
+            for e in units
+        ]
+        return np.stack(columns, axis=1)
+
+    def _rate(self, q: Array, z: Array, value: Callable[[Array], Array]) -> Array:
+        """d/dt of a value along q' = C z."""
+        step = _STEP * (self.robot.velocity_map(q) @ z)
+        before, after = value(q - step), value(q + step)
+        change = after - before
+        if np.abs(change).max() <= _CONSTANT * max(np.abs(after).max(), np.abs(before).max()):
+            return np.zeros_like(change)
+        return change / (2.0 * _STEP)
+
+
+class _Jacobians:
+    """J of (13) under the posture criterion (12), and its derivatives with respect to q."""
+
+    def __init__(self, robot: MobileManipulator, task: Task) -> None:
+        self.extended = ExtendedJacobian(robot, task_map_of(task), Posture.of(robot))
+        self.rest = np.zeros(robot.nz)
+
+    def at(self, q: Array) -> Array:
+        self.extended.at(q, self.rest)
+        return self.extended.J.copy()
+
+    def exists(self, q: Array) -> bool:
+        try:
+            self.at(q)
+        except SingularityError:
+            return False
+        return True
+
+    def least(self, q: Array, z: Array) -> float:
+        """lambda_min(J J^T) of (22)."""
+        return _least(self.at(q))
+
+    def size(self, q: Array, z: Array) -> float:
+        return float(np.linalg.norm(self.at(q)))
+
+    def norms(self, q: Array) -> list[float]:
+        """The three Frobenius norms of (21)."""
+        J = self.at(q)
+        axes = self.extended.complement.copy()
+
+        def along(direction: Array) -> tuple[Array, Array]:
+            ends = []
+            for sign in (1.0, -1.0):
+                self.extended.complement[:] = axes
+                ends.append(self.at(q + sign * _STEP_J * direction))
+            first = (ends[0] - ends[1]) / (2.0 * _STEP_J)
+            return first, (ends[0] - 2.0 * J + ends[1]) / _STEP_J**2
+
+        units = np.eye(len(q))
+        straight = [along(e) for e in units]
+        squares = sum(float(np.sum(second**2)) for _, second in straight)
+        for i, (_, by_i) in enumerate(straight):
+            for k, (_, by_k) in enumerate(straight[:i]):
+                mixed = (along(units[i] + units[k])[1] - by_i - by_k) / 2.0
+                squares += 2.0 * float(np.sum(mixed**2))  # both orders
+        first = math.sqrt(sum(float(np.sum(by**2)) for by, _ in straight))
+        return [float(np.linalg.norm(J)), first, math.sqrt(squares)]
+
+
+def _line(
+    robot: MobileManipulator, jacobians: _Jacobians, region: _Region, samples: Sequence[_Sample]
+) -> tuple[float, float]:
+    """w_1 and w_2 of (21): the line over all norms found that is the least on average, w_1 and w_2
+    not negative, with the margin."""
+    points = []
+    for i, (q, z) in enumerate(samples):
+        norms = jacobians.norms(q) if i < _WITH_DERIVATIVES else [jacobians.size(q, z)]
+        points += [(float(np.linalg.norm(q - robot.q_rest)), norm) for norm in norms]
+    by_size = sorted(samples, key=lambda sample: -jacobians.size(*sample))
+    for start in by_size[:_STARTS]:
+        (q, _), norm = region.search(jacobians.size, 1.0, start, still=True)
+        points.append((float(np.linalg.norm(q - robot.q_rest)), norm))
+    distance, norm = np.array(points).T
+    rows = np.stack([np.ones_like(distance), distance], axis=1)
+    limits = [(0.0, None)] * 2
+    line = np.asarray(
+        linprog(rows.mean(axis=0), A_ub=-rows, b_ub=-norm, bounds=limits).x, dtype=float
+    )
+    return (1.0 + MARGIN) * float(line[0]), (1.0 + MARGIN) * float(line[1])
+
+
+def _norm(matrix: Array) -> float:
+    """Euclidean norm of a vector, the largest singular value of a matrix."""
+    return float(np.linalg.norm(matrix, 2))
+
+
+def _least(matrix: Array) -> float:
+    """lambda_min(matrix matrix^T)."""
+    return float(np.linalg.svd(matrix, compute_uv=False)[-1] ** 2)
