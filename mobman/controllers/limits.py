@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mobman.arrays import Array, Matrix, Vector
+from mobman.arrays import LARGEST, SMALLEST, Array, Matrix, Vector
 from mobman.compiled import kernel
 from mobman.controllers.gains import diagonal, require_positive_diagonal
 from mobman.controllers.task_errors import Stop
@@ -74,10 +74,10 @@ def require_torque_limits(given: TorqueLimits) -> None:
     numbers = [given] if isinstance(given, float | int) or given is None else list(given)
     for number in numbers:
         plain = isinstance(number, float | int | np.number) and not isinstance(number, bool)
-        if number is not None and not (plain and 0.0 < number < np.inf):
+        if number is not None and not (plain and SMALLEST <= number <= LARGEST):
             raise GainError(
-                f"torque_limits = {given!r}: must be numbers above 0, one for all motors or one for "
-                "each; null for a motor without a limit"
+                f"torque_limits = {given!r}: must be numbers from {SMALLEST:g} to {LARGEST:g}, one for "
+                "all motors or one for each; null for a motor without a limit"
             )
 
 
