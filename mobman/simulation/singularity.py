@@ -16,9 +16,9 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.controllers.bounds import jacobian_bound
-from mobman.controllers.task_errors import TaskSpace
+from mobman.controllers.task_errors import TaskSpace, posture_criterion
 from mobman.errors import MobmanError, SingularityError
-from mobman.model.criterion import Criterion, Posture
+from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.metrics import Run
@@ -240,9 +240,9 @@ def predict_singularity(
         task: The task.
         duration: How far to look (s).
         q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
-        criterion: F; the robot's posture criterion by default.
+        criterion: F; by default that of the laws, with the task's weights or the robot's.
     """
-    criterion = Posture.of(robot) if criterion is None else criterion
+    criterion = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
     jacobians = _Jacobians(robot, task, criterion)
     extended, m, posture = jacobians.extended, jacobians.m, _posture(robot)
     space, rest = TaskSpace(robot, task, criterion), np.zeros(robot.nz)

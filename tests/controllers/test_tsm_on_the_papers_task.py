@@ -7,7 +7,7 @@ import pytest
 from support.errors import largest_after, size_at
 
 import mobman as mm
-from mobman.model.criterion import Posture
+from mobman.controllers.task_errors import posture_criterion
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
 
@@ -63,7 +63,8 @@ def test_sliding_variables_reach_zero_and_stay(record):
 def test_bound_a_holds_once_the_robot_moves(record, youbot):
     """lambda_min(J J^T) is 0.0023 at the start and above a = 0.2 from half a second on."""
     assert np.isclose(record.metrics["lambda_min"], 0.0023, atol=1e-4)
-    criterion, complement = Posture.of(youbot), None
+    task = mm.make_task("paper", youbot)
+    criterion, complement = posture_criterion(youbot, 1.0, None, task), None
     for i in range(500, 10_001, 100):
         q, z = record.q[i], record.z[i]
         now = extended_kinematics(youbot, TaskMap(), criterion, q, z, complement)

@@ -8,14 +8,15 @@ from support.variants import description
 
 import mobman as mm
 from mobman.checks.checks import run_checks
-from mobman.model.criterion import Posture
+from mobman.controllers.task_errors import posture_criterion
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
 from mobman.simulation.singularity import nearest_limit, predict_singularity
 
 
-def _sigmas(robot, q):
-    J = extended_kinematics(robot, TaskMap(), Posture.of(robot), q, np.zeros(robot.nz)).J
+def _sigmas(robot, task, q):
+    criterion = posture_criterion(robot, 1.0, None, task)
+    J = extended_kinematics(robot, TaskMap(), criterion, q, np.zeros(robot.nz)).J
     return {name: np.linalg.svd(part)[1][-1] for name, part in (("J", J), ("J_e", J[:3]))}
 
 
@@ -28,16 +29,16 @@ def folded():
 
 
 def test_fold_is_a_singularity_with_its_matrix_time_and_joint(folded):
-    robot, _, record = folded
+    robot, task, record = folded
     assert record.status == "singular"
     found = record.singularity
     assert found["matrix"] == "J"
     tick = int(np.searchsorted(record.t, found["time"] - 1e-9))
     assert record.t[tick] == found["time"] < record.t[-1]
     # from then on below the bound, and not before; the tip's own rows are in good order
-    assert _sigmas(robot, record.q[tick])["J"] < found["bound"]
-    assert _sigmas(robot, record.q[tick - 1])["J"] >= found["bound"]
-    assert _sigmas(robot, record.q[tick])["J_e"] > 10.0 * found["bound"]
+    assert _sigmas(robot, task, record.q[tick])["J"] < found["bound"]
+    assert _sigmas(robot, task, record.q[tick - 1])["J"] >= found["bound"]
+    assert _sigmas(robot, task, record.q[tick])["J_e"] > 10.0 * found["bound"]
     limits = robot.limits
     margins = dict(
         zip(
@@ -59,7 +60,7 @@ def test_fold_is_predicted(folded):
     assert found.singular.matrix == "J"
     assert abs(found.singular.time - record.t[-1]) < 0.5
     assert found.singular.joint == record.singularity["joint"]
-    assert found.sigma[0] == pytest.approx(_sigmas(robot, robot.q_rest)["J"], rel=1e-6)
+    assert found.sigma[0] == pytest.approx(_sigmas(robot, task, robot.q_rest)["J"], rel=1e-6)
 
 
 def test_what_is_known_of_a_singularity_is_in_the_file(folded, tmp_path):
@@ -107,13 +108,14 @@ def test_unstable_loop_is_no_singularity(gains, delay):
 @pytest.mark.parametrize("name", ["youbot", "husky_ur5", "ridgeback_panda"])
 def test_nothing_is_predicted_where_nothing_happens(name):
     robot = mm.load_robot(name)
-    found = predict_singularity(robot, mm.make_task("circle", robot), duration=12.0)
+    task = mm.make_task("circle", robot)
+    found = predict_singularity(robot, task, duration=12.0)
     assert found.singular is None
     assert found.t[-1] > 11.8
     assert np.all(found.sigma > found.bound)
     # f_a = 0 and the tip on its circle: what a law's run has, too
     record = mm.simulate(robot, "extended-jacobian", "circle", duration=6.0)
-    own = _sigmas(robot, record.q[-1])["J"]
+    own = _sigmas(robot, task, record.q[-1])["J"]
     assert np.interp(6.0, found.t, found.sigma) == pytest.approx(own, rel=0.05)
 
 
