@@ -217,8 +217,9 @@ def test_check_does_not_fire_where_nothing_is_wrong(name, check):
 
 def test_every_check_fires_somewhere_and_is_silent_somewhere():
     """So that a new check comes with its own."""
-    # test_platforms.py here, tests/simulation/test_singular_runs.py, tests/model/test_followers.py
-    elsewhere = {"criterion", "derivatives", "fold", "following"}
+    # test_platforms.py here, tests/simulation/test_singular_runs.py, tests/model/test_followers.py,
+    # tests/robots/inference/test_real_files.py
+    elsewhere = {"criterion", "derivatives", "fold", "following", "urdf"}
     assert {row[2] for row in FIRES.values()} | elsewhere == {item.name for item in list_checks()}
 
 

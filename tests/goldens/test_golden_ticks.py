@@ -73,7 +73,7 @@ def of_stored(robot: str) -> list[str]:
 def made(label: str):
     """The law of a label."""
     name, gains = VARIANTS.get(label, (label, {}))
-    if name in ("tsm", "tsm-simplified", "tsm-inverse-actuation"):
+    if name.startswith("tsm"):
         gains = {"metric_scale": 1.0} | gains  # the paper's, whatever the default is
     return mm.make_controller(name, **gains)
 
