@@ -44,7 +44,9 @@ def test_torques_are_those_of_the_equations(name, law, discretization, layer, re
     controller = mm.make_controller(law, **gains)
     controller.reset(robot, task, dt)
     omega = base_metric(robot) if law == "tsm-null-space" else None
-    reference = ReferenceLaw(robot, task, dt, gains, **LAWS[law], omega=omega)
+    # "auto" by default; tests/controllers/test_delay.py has which number that is
+    resolved = gains | {"metric_scale": controller.settings()["metric_scale"]}
+    reference = ReferenceLaw(robot, task, dt, resolved, **LAWS[law], omega=omega)
     random = np.random.default_rng(60)
     q = robot.q_rest
     for tick, (_, z) in enumerate(random_states(robot, 12, seed=61)):

@@ -18,6 +18,7 @@ class ReferenceLaw:
     """(31)-(35) and (45)-(56), or (65)-(66), with a zero-order hold; gains by the paper's names.
 
     With ``omega``, the diagonal of a metric, (43)-(44) in it and a descent of F in the null space.
+    The inclusion of the dynamic stage is that of ``gains["metric_scale"]`` times M, a number here.
 
     What it shares with the project is f, J and J' z, which have their own tests.
     """
@@ -78,7 +79,8 @@ class ReferenceLaw:
         )
         k = g["C"] / g["A"] * (chi + g["C_0"])
         gram = dt * k * (np.eye(len(z)) if self.inverse else b @ b.T)
-        n = self._unit(big_s, dt * (integrand_51 - v_ref_dot), m, gram)
+        metric = g["metric_scale"] * m
+        n = self._unit(big_s, dt * (integrand_51 - v_ref_dot), metric, gram)
         v_dot = np.linalg.inv(b) @ (-k * n) if self.inverse else b.T @ (-k * n)
         # the hold
         self.s, self.S = s, big_s
