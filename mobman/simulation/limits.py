@@ -6,7 +6,7 @@ whether or not the simulated plant enforces any.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 
 import numpy as np
@@ -41,17 +41,17 @@ def _torque_ratio(run: Run) -> Array:
     """Largest torque of a motor over its limit at the ticks, shape (N,)."""
     # motor by motor, since what is computed on the way should not be as large as the record
     limits = run.robot.limits.torque
-    return _largest([np.abs(v) / limit for v, limit in zip(run.torque.T, limits, strict=True)], run)
+    return _largest((np.abs(v) / limit for v, limit in zip(run.torque.T, limits, strict=True)), run)
 
 
 def _excess(run: Run) -> Array:
     """Largest excess of a coordinate at the ticks (rad, m), shape (N,)."""
     limits = run.robot.limits
     bounds = zip(run.q.T, limits.lower, limits.upper, strict=True)
-    return _largest([np.maximum(lower - q, q - upper) for q, lower, upper in bounds], run)
+    return _largest((np.maximum(lower - q, q - upper) for q, lower, upper in bounds), run)
 
 
-def _largest(rows: list[Array], run: Run) -> Array:
+def _largest(rows: Iterable[Array], run: Run) -> Array:
     largest = np.zeros(len(run.t))
     for row in rows:
         np.maximum(largest, row, out=largest)

@@ -155,8 +155,8 @@ def test_what_is_no_task_is_refused(youbot):
 
 
 def test_task_of_a_wrong_dimension_is_refused(youbot):
-    with pytest.raises(UsageError, match="6 components"):
-        mm.simulate(youbot, "tsm", Still(np.zeros(6)), duration=0.1)
+    with pytest.raises(UsageError, match="5 components"):
+        mm.simulate(youbot, "tsm", Still(np.zeros(5)), duration=0.1)
 
 
 class Meddler:

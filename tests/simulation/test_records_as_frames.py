@@ -70,7 +70,8 @@ def test_shares_are_those_of_the_robots_limits(record, youbot):
         "torque": np.abs(record.torque / limits.torque).max(),
     }
     for kind, expected in largest.items():
-        assert max(shares[kind]["y"]) == pytest.approx(expected, rel=1e-3)
+        # the curve leaves out bends of less than 0.1 % of its height, three decades: 10^0.003
+        assert max(shares[kind]["y"]) == pytest.approx(expected, rel=7e-3)
     (line,) = [
         layer for layer in panel["layer"] if layer.get("data", {}).get("values") == [{"at": 1}]
     ]

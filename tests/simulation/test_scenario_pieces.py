@@ -25,6 +25,7 @@ ALL = {
     "friction": [
         {"type": "viscous", "acceleration": UNEVEN},
         {"type": "coulomb", "torque": 0.1, "velocity": 0.1},
+        {"type": "urdf", "factor": 0.5},
     ],
     "disturbances": [
         {"type": "constant", "torque": 1},
