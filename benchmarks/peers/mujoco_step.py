@@ -62,7 +62,7 @@ def make_mujoco_step(robot: MobileManipulator) -> Callable[[], None]:
     The robot drives along a circle with its arm held at ``q_rest``.
 
     Raises:
-        UsageError: If MuJoCo is missing or the platform is no differential one.
+        UsageError: If MuJoCo is missing, the platform not differential, or a joint follows another.
     """
     mujoco = _mujoco()
     model, data = make_mujoco_model(robot)
@@ -75,7 +75,7 @@ def make_mujoco_model(robot: MobileManipulator) -> tuple[mujoco.MjModel, mujoco.
     """The robot in MuJoCo, standing at ``q_rest`` and told to stay so.
 
     Raises:
-        UsageError: If MuJoCo is missing or the platform is no differential one.
+        UsageError: If MuJoCo is missing, the platform not differential, or a joint follows another.
     """
     mujoco = _mujoco()
     model = mujoco.MjModel.from_xml_string(mujoco_xml(robot))
@@ -136,12 +136,17 @@ def mujoco_xml(robot: MobileManipulator) -> str:
     """The robot and the ground as MJCF.
 
     Raises:
-        UsageError: If the platform is no differential one.
+        UsageError: If the platform is not differential, or a joint follows another.
     """
     if robot.spec.platform.type != "differential":
         raise UsageError(
             f"robot {robot.name!r} has a {robot.spec.platform.type!r} platform; the comparison with "
             "MuJoCo knows 'differential'"
+        )
+    if robot.followers:
+        raise UsageError(
+            f"joint {robot.followers[0].joint!r} of robot {robot.name!r} follows another; the "
+            "comparison with MuJoCo knows no joints that follow"
         )
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")

@@ -13,6 +13,7 @@ from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import SingularityError, UsageError
 from mobman.model.criterion import Posture
 from mobman.simulation.rerun import verify
+from mobman.tasks.task import task_map_of
 from mobman.viewer.view import make_scene
 
 WOBBLING = ("pose-circle", {"orientation": "wobble"})
@@ -64,19 +65,26 @@ def test_rates_of_the_tasks(robot, task):
 def test_rates_of_the_errors(robot, task, extended):
     """e' and e'' along the motion and the task's own time."""
     random, made = np.random.default_rng(92), _made(robot, task)
-    space = TaskSpace(robot, made, Posture.of(robot) if extended else None)
-    if robot.nz < space.task_map.m:
+    if robot.nz < task_map_of(made).m:  # such runs are refused, see below
         pytest.skip(f"{robot.nz} degrees of freedom")
-    compared = 0
+    space = TaskSpace(robot, made, Posture.of(robot) if extended else None)
+    states, least = [], []
     for _ in range(6):
         q = robot.q_rest + 0.3 * random.standard_normal(robot.nq)
         z, z_dot = random.standard_normal((2, robot.nz))
-        q_dot = robot.velocity_map(q) @ z
         tip = robot.tip_kinematics(q, z)
         j = np.vstack([space.task_map.jacobian(tip), robot.constraint_matrix(q)])
-        if np.linalg.svd(j, compute_uv=False)[-1] < 2e-2:
-            continue  # f_a bends too sharply there for any step
-        compared += 1
+        states.append((q, z, z_dot))
+        least.append(np.linalg.svd(j, compute_uv=False)[-1])
+    if max(least) < 1e-12:
+        # no joint rolls the tip: youbot's and turtlebot3_omx's bend in one vertical plane
+        pytest.skip("singular everywhere")
+    for (q, z, z_dot), sigma in zip(states, least, strict=True):
+        # Below it f_a bends too sharply for any step. Small wheels alone make sigma small: in the
+        # directions that only they move it is about their radius, 0.0475 m on youbot_mecanum.
+        if sigma < min(2e-2, 0.9 * max(least)):
+            continue
+        q_dot = robot.velocity_map(q) @ z
         now = errors_at(space, 0.7, q, z)
 
         def at(s, q=q, z=z, d=q_dot, a=z_dot):
@@ -93,8 +101,6 @@ def test_rates_of_the_errors(robot, task, extended):
         assert relative(now.e_dot[:m], e_dot[:m]) < 1e-9
         assert relative(now.e_dot, e_dot) < 1e-6
         assert relative(now.J @ z_dot + now.J_dot_z - now.p_ddot, e_ddot) < 1e-6
-    # y is the axis that all joints of the youBot's arm but the first turn about
-    assert compared > 0 or (robot.name == "youbot" and task is POINTING)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.5, 2.8, 3.4, 6.0])
