@@ -10,7 +10,7 @@ from mobman.errors import UnknownNameError
 
 KINDS = {
     "closed-loop", "constraints", "criterion", "derivatives", "fold", "following", "gravity", "ground",
-    "inertias", "limits", "meshes", "reach", "singularities", "weights", "wheel-radius",
+    "inertias", "limits", "meshes", "reach", "singularities", "urdf", "weights", "wheel-radius",
 }  # fmt: skip
 SIMULATING = {"closed-loop", "fold"}
 
