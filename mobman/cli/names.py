@@ -143,7 +143,9 @@ def _command(kind: str) -> click.Command:
             [item["name"], *(item[head] for head in heads), item["description"].partition(". ")[0]]
             for item in found
         ]
-        console().print(table(kind[:-1], *heads, "what it is", rows=rows, names={kind[:-1]}))
+        # names are listed to be typed: they keep their middle where half of the width is enough
+        shown = table(kind[:-1], *heads, "what it is", rows=rows, names={kind[:-1]}, share=2)
+        console().print(shown)
 
     return command
 

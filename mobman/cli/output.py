@@ -98,6 +98,7 @@ def table(
     right: Collection[str] = (),
     no_wrap: bool = False,
     names: Collection[str] = (),
+    share: int = 3,
 ) -> Table:
     """A table without lines.
 
@@ -107,14 +108,15 @@ def table(
         right: Headings of the columns that are aligned right.
         no_wrap: Whether the cells stay on one line.
         names: Headings of the columns of names: on one line, shortened in the middle if they would
-            take more than a third of the terminal.
+            take more than a share of the terminal.
+        share: A name has this part of the terminal's width: a third, or a half for 2.
     """
     made = Table(box=None, pad_edge=False, show_header=bool(headings))
     for heading in headings:
         one_line = no_wrap or heading in names
         side: Any = "right" if heading in right else "left"
         made.add_column(heading, justify=side, no_wrap=one_line)
-    most = max(console().width // 3, _NARROWEST)
+    most = max(console().width // share, _NARROWEST)
     for row in rows:
         texts = [*map(str, row)]
         heads = headings or ("",) * len(texts)

@@ -92,7 +92,7 @@ def test_errors_that_quote_a_file(robot, tmp_path):
 def test_records_texts(capsys):
     record = mm.simulate("youbot", "tsm", "circle", duration=0.01)
     record.robot = record.task = record.status = HOSTILE
-    tell(record, None, as_json=False)
+    tell(record, mm.load_robot("youbot"), None, as_json=False)
     shown = capsys.readouterr().out
     assert not STEERING.findall(shown)
     assert shown.count(ESCAPED) == 3

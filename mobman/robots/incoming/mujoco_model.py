@@ -79,8 +79,8 @@ class _Conversion:
         roots = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
         moving = [b for b in roots if any(self._hinges(k) for k in self._tree(b))]
         if len(moving) != 1:
-            named = listed(self._name("body", b) for b in moving)
-            raise MobmanError(f"it has {len(moving)} robots ({named}); allowed: one")
+            named = f" ({listed(self._name('body', b) for b in moving)})" if moving else ""
+            raise MobmanError(f"it has {len(moving)} robots{named}; allowed: one")
         root = moving[0]
         bodies = list(self._tree(root))
         if self._joints(root) and not self._free(root):

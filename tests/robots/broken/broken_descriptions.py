@@ -20,8 +20,9 @@ def toml_is_not_there(robot: GoodRobot) -> None:
     robot.toml.unlink()
 
 
-@case("mobman: cannot read the robot file ", FILE, "a folder")
+@case("mobman: there is no URDF in the folder ", FILE)
 def toml_is_a_folder(robot: GoodRobot) -> None:
+    """A folder is a robot if there is a URDF in it, whatever its name."""
     robot.toml.unlink()
     robot.toml.mkdir()
 

@@ -16,23 +16,30 @@ class Case:
         break_it: What breaks it.
         words: What the message must name: the file, the element or field, what was found, what is
             allowed.
+        added: The same where the URDF itself is what a robot is made of, if that says something else:
+            there xacro and MJCF are read, while the URDF that a description names must be one.
     """
 
     break_it: Callable[[GoodRobot], None]
     words: tuple[str, ...]
+    added: tuple[str, ...] = ()
+
+    def words_of(self, command: str) -> tuple[str, ...]:
+        """What the message of a sub-command must name."""
+        return self.added if command == "add" and self.added else self.words
 
 
 class Corpus(dict[str, Case]):
     """Cases by the names of the functions that make them."""
 
     def case(
-        self, *words: str
+        self, *words: str, added: tuple[str, ...] = ()
     ) -> Callable[[Callable[[GoodRobot], None]], Callable[[GoodRobot], None]]:
         """Add the decorated function as a case whose message has these words."""
 
         def add(function: Callable[[GoodRobot], None]) -> Callable[[GoodRobot], None]:
             assert function.__name__ not in self
-            self[function.__name__] = Case(function, words)
+            self[function.__name__] = Case(function, words, added)
             return function
 
         return add
