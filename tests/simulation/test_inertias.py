@@ -63,6 +63,7 @@ def test_links_are_chosen_by_name_or_pattern(name, pattern, joints):
 
 def test_part_chooses_on_any_robot(robot):
     arm = {robot.joint_names[i] for i in robot.arm_index}
+    arm |= {one.joint for one in robot.followers if one.of in arm}
     for part, expected in (("arm", lambda n: n in arm), ("platform", lambda n: n not in arm)):
         true = _true(robot, _links(part=part, mass_factor=2.0))
         for i, joint, body in _bodies(robot):
