@@ -59,7 +59,7 @@ WRONG = {
     "lock that matches nothing": ({"urdf__lock": ["hand_*"]}, ["'urdf.lock'", "'hand_*'", *JOINTS]),
     "locked wheel": ({"urdf__lock": ["phi_*"]}, ["'urdf.lock'", "phi_1", "phi_2"]),
     "locked arm": (
-        {"urdf__lock": ["y_*"], "criterion__weights": None},
+        {"urdf__lock": ["y_*"]},
         ["'urdf.lock'", "no joint is left for the arm"],
     ),
     "tip that is no link": ({"arm__tip": "hand"}, ["'arm.tip'", "'hand'", "arm_3", "tip"]),

@@ -157,7 +157,7 @@ def test_arms_reach_along_the_heading_at_zero(youbot):
 
 def test_least_eigenvalue_of_the_extended_jacobian_at_the_start(youbot):
     """lambda_min(J J^T) = 0.0023: the paper's a = 0.2 holds only once the robot moves."""
-    kinematics = extended_kinematics(
-        youbot, TaskMap(), Posture.of(youbot), youbot.q_rest, np.zeros(5)
-    )
+    weights = mm.make_task("paper", youbot, youbot.q_rest).criterion_weights(youbot)
+    criterion = Posture(np.asarray(weights), youbot.q_rest)
+    kinematics = extended_kinematics(youbot, TaskMap(), criterion, youbot.q_rest, np.zeros(5))
     assert np.isclose(np.linalg.eigvalsh(kinematics.J @ kinematics.J.T)[0], 0.0023, atol=5e-5)
