@@ -39,6 +39,10 @@ class Paper:
         return np.array([[0, 0], [0, 0], [0, 0], [1, 0], [0, 1]])
 
 
+class Wheeled(Paper):
+    wheels = [("phi_1", 0.05), ("phi_2", 0.05)]
+
+
 class WrongShape(Paper):
     velocity_names = ("v", "omega", "more")
 
@@ -185,10 +189,14 @@ def test_custom_platform_is_the_built_in_one(folder):
 
 
 def test_closed_loop_is_that_of_the_built_in_platform(folder):
-    records = [
-        mm.simulate(mm.load_robot(content), "tsm", "circle", duration=0.2)
-        for content in (_custom(folder, "own.py:Paper"), description(platform__alpha="wheel-rates"))
-    ]
+    """With the wheels named: the criterion gives those another weight than other coordinates."""
+    contents = _custom(folder, "own.py:Wheeled"), description(platform__alpha="wheel-rates")
+    robots = [mm.load_robot(content) for content in contents]
+    assert np.array_equal(robots[0].criterion_weights, robots[1].criterion_weights)
+    assert not np.array_equal(
+        mm.load_robot(_custom(folder, "own.py:Paper")).criterion_weights, robots[0].criterion_weights
+    )
+    records = [mm.simulate(robot, "tsm", "circle", duration=0.2) for robot in robots]
     assert np.allclose(records[0].q, records[1].q, atol=1e-9)
 
 
