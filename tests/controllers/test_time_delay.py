@@ -48,10 +48,14 @@ def test_wrong_inertias_and_torques_that_act_a_tick_late(name):
     assert largest_after(record, 4.0) < 1e-5
 
 
-def test_more_than_what_an_integral_alone_mends():
+# Not tiago_no_hand: with its default K_F the integral alone ends at a singularity after 3.2 s,
+# and there is no error to compare with (2 cm with the paper's K_F).
+@pytest.mark.parametrize("name", ["youbot", "ridgeback_panda"])
+def test_more_than_what_an_integral_alone_mends(name):
     records = [
-        mm.simulate("tiago_no_hand", law, "circle", duration=5.0, scenario="heavier")
+        mm.simulate(name, law, "circle", duration=5.0, scenario="heavier")
         for law in ("time-delay", "computed-torque-integral")
     ]
+    assert all(record.ok for record in records)
     errors = [largest_after(record, 4.0) for record in records]
     assert errors[0] < 0.01 * errors[1]

@@ -194,7 +194,8 @@ def test_closed_loop_is_that_of_the_built_in_platform(folder):
     robots = [mm.load_robot(content) for content in contents]
     assert np.array_equal(robots[0].criterion_weights, robots[1].criterion_weights)
     assert not np.array_equal(
-        mm.load_robot(_custom(folder, "own.py:Paper")).criterion_weights, robots[0].criterion_weights
+        mm.load_robot(_custom(folder, "own.py:Paper")).criterion_weights,
+        robots[0].criterion_weights,
     )
     records = [mm.simulate(robot, "tsm", "circle", duration=0.2) for robot in robots]
     assert np.allclose(records[0].q, records[1].q, atol=1e-9)
