@@ -138,8 +138,9 @@ def test_simulation_grows_by_its_record(name, with_metrics, factor, request, tra
         monkeypatch.setattr(simulate, "compute_metrics", lambda run: {})
     for law in ("tsm", "pseudo-inverse"):
         _peak(robot, law, 100)
+        # with bounds of 0.2, which are not TIAGo's, tsm ends at a singularity after 1.16 s
         (short, short_record), (long, long_record) = (
-            _peak(robot, law, ticks) for ticks in (500, 1500)
+            _peak(robot, law, ticks) for ticks in (350, 1050)
         )
         assert long_record > 2.9 * short_record
         assert long - short < factor * (long_record - short_record) + 20_000
