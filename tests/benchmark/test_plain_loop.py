@@ -32,7 +32,9 @@ def test_it_gives_the_motion_and_torques_of_simulate(name, task_name, gains, dt)
         gains = {"a": found["a"], "A": found["A"]}
     # the loop by hand has the robot's own weights and the whole inertia in its metric
     own = {"K_F": robot.criterion_weights.tolist(), "metric_scale": 1.0}
-    record = mm.simulate(robot, mm.make_controller("tsm", **gains, **own), task, duration=0.3, dt=dt)
+    record = mm.simulate(
+        robot, mm.make_controller("tsm", **gains, **own), task, duration=0.3, dt=dt
+    )
     axes = first_axes(robot.nz - 3, robot.nq)  # e^a depends on them
     plain = plain_loop(robot, task, gains, duration=0.3, dt=dt, axes=axes)
     assert record.ok
