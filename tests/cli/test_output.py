@@ -99,6 +99,7 @@ def test_bars_say_which_time_is_which(monkeypatch):
     assert kinds[texts.index("left") + 1] == "TimeRemainingColumn"
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_while_it_is_loaded_is_one_line():
     """However early: here at the import of the first of its modules."""
     code = (
