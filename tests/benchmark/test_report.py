@@ -549,7 +549,7 @@ def test_limitations_are_those_of_the_runs():
         "without slip",
         "youBot",
         "chosen, not sampled",
-        "Joint limits",
+        "limits of joints",
         "simulation",
     ):
         assert words in text
