@@ -32,7 +32,8 @@ def test_paper_suite_asks_for_what_the_paper_shows_and_more():
             labels = {cell[3] for cell in cells if cell[:3] == (robot, task, scenario)}
             assert labels == six | {"tsm-explicit"}
     gains = {run.label: run.gains for run in runs if run.robot == "youbot"}
-    assert gains["tsm"] == {"a": 0.2, "A": 0.2}  # the paper's values, section 4
+    # the paper's values, section 4, and its whole inertia
+    assert gains["tsm"] == {"a": 0.2, "A": 0.2, "metric_scale": 1.0}
     assert gains["tsm-explicit"]["discretization"] == "explicit"
 
 
@@ -72,7 +73,8 @@ def test_a_wrong_law_alone_is_told_with_its_label(tmp_path):
     path = small_suite(tmp_path)
     text = path.read_text()
     path.write_text(text.replace('law = "pseudo-inverse"', 'law = "psuedo-inverse"'))
-    with pytest.raises(SpecError, match="suite 'small': controller 'pseudo-inverse': unknown"):
+    said = r"suite 'small': line \d+: controller 'pseudo-inverse': unknown"
+    with pytest.raises(SpecError, match=said):
         load_suite(path).runs()
 
 
@@ -134,7 +136,7 @@ def test_a_scenario_file_that_is_not_there_is_told_beside_other_faults(tmp_path)
     path = small_suite(tmp_path)
     text = path.read_text().replace('"circle"', '"cirlce"').replace('"disturbed"', '"none.toml"')
     path.write_text(text)
-    with pytest.raises(SpecError, match=r"did you mean 'circle'.*cannot read the scenario file"):
+    with pytest.raises(SpecError, match=r"cannot read the scenario file.*did you mean 'circle'"):
         load_suite(path).runs()
 
 
