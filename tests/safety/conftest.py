@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import json
 import resource
 import shutil
 import sys
@@ -49,6 +50,9 @@ def craft(good, trap):
         path = Path(shutil.copy(good, trap.folder / name))
         with h5py.File(path, "a", locking=False) as file:
             file.attrs.update(attributes)
+            if "seed" in attributes:  # a record is that of its run by its description
+                spec = json.loads(file.attrs["spec_json"]) | {"seed": attributes["seed"]}
+                file.attrs["spec_json"] = json.dumps(spec)
             change(file, trap)
         return path
 
