@@ -384,8 +384,9 @@ def steering_couplings(
 ) -> list[Coupling]:
     """Couplings that let all that steers follow a yaw of the arm at rest; none if it has no yaw.
 
-    Their weight is for runs that last: where the arm goes round a circle of area A while a car drives to
-    and fro, steering by the share c of the arm's yaw turns it by c A / (reach wheelbase) a lap.
+    Their weight is for runs that last. Where the arm goes round the default circle of area A while a
+    car drives to and fro, steering by the share c of the arm's yaw turns it by c A / (reach wheelbase) a
+    lap, and c is small. An arm whose reach is less than the circle's radius cannot: the car goes round.
 
     Args:
         steering: Coordinates: 1.0 where positive angles turn to the left, else -1.0.
@@ -400,8 +401,9 @@ def steering_couplings(
         reach = float(np.linalg.norm(tip[:2] - centre[:2]))
         if yaws and reach >= _LEVER_ARM:
             if wheelbase is not None:
-                share = _TURN_A_LAP * reach * wheelbase / (math.pi * _CIRCLE**2)
-                share = min(share, _MOST_STEERED)
+                share = _MOST_STEERED
+                if reach > _CIRCLE:
+                    share = min(share, _TURN_A_LAP * reach * wheelbase / (math.pi * _CIRCLE**2))
                 weight = float(f"{weight * share / (1.0 - share):.2g}")
             return [
                 Coupling(

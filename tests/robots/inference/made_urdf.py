@@ -105,7 +105,9 @@ class Robot:
             f"{name}_wheel", (-0.02, 0, 0), parent=f"{name}_fork", collision=[self.tyre(radius)]
         )
 
-    def arm(self, prefix="", xyz=(0.15, 0, 0.1), joints=6, parent="base_link", tip=None):
+    def arm(
+        self, prefix="", xyz=(0.15, 0, 0.1), joints=6, parent="base_link", tip=None, length=0.2
+    ):
         """A serial arm: yaw, pitch, pitch, roll, pitch, roll, ..."""
         axes = ["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0", "0 1 0"]
         at = xyz
@@ -121,7 +123,7 @@ class Robot:
                 axis=axes[i],
                 limits=(-2.5, 2.5),
             )
-            parent, at = link, (0.0, 0, 0.15) if i == 0 else (0.2, 0, 0)
+            parent, at = link, (0.0, 0, 0.15) if i == 0 else (length, 0, 0)
         if tip is not None:
             self.link(tip, mass=0).joint(f"{tip}_fixed", "fixed", parent, tip, (0.1, 0, 0))
         return self
