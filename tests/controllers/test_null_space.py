@@ -30,9 +30,11 @@ def test_the_metric_does_not_depend_on_where_the_robot_stands(robot):
     omega = base_metric(robot)
     assert omega.shape == (robot.nz,)
     assert np.all(omega[robot.n_alpha :] == 1.0)
-    if robot.platform.base_joints and robot.spec.platform.type != "car-like":
+    if robot.platform.base_joints:
         index = [robot.joint_names.index(name) for name in robot.platform.base_joints]
-        for columns in (at_rest, here):
+        # the speed that an alpha gives the base depends on how the wheels are steered
+        steers = robot.spec.platform.type in ("car-like", "swerve")
+        for columns in (at_rest,) if steers else (at_rest, here):
             twist = columns[index] * np.array([[1.0], [1.0], [0.3]])
             speed = np.linalg.norm(twist, axis=0)
             moves = speed > 0.0  # a rate of steering moves nothing by itself

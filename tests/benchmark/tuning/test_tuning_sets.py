@@ -82,7 +82,11 @@ def test_shipped_suites_have_a_tuning_set_by_default():
     runs = tuning_runs(suite, ["tsm"], reported)["tsm"]
     assert {run.scenario["name"] for run in runs} == set(own_scenarios())
     assert {(run.robot, run.task) for run in runs} == {(run.robot, run.task) for run in reported}
-    assert {run.robot: run.gains for run in runs}["youbot"] == {"a": 0.2, "A": 0.2}
+    assert {run.robot: run.gains for run in runs}["youbot"] == {
+        "a": 0.2,
+        "A": 0.2,
+        "metric_scale": 1.0,
+    }
     require_disjoint(runs, reported)
 
 
