@@ -36,7 +36,7 @@ from mobman.controllers.tsm import (
 from mobman.errors import GainError
 from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, copy, dot
 from mobman.model.criterion import criterion_entry
-from mobman.model.metric import base_metric
+from mobman.model.metric import base_metric, unit_stiffness
 from mobman.model.mobile_manipulator import MobileManipulator
 
 _DAMPING = 1e-8
@@ -81,17 +81,13 @@ class NullSpaceSlidingMode(TerminalSlidingMode):
         self, robot: MobileManipulator, stage: tuple[Any, ...]
     ) -> list[Callable[[], Any]]:
         gains, now, p, nq, nz = self.gains, self._now, self._space.p, robot.nq, robot.nz
-        omega, C = base_metric(robot), robot.velocity_map(robot.q_rest)
-        root = np.sqrt(omega)[:, None]
-        # Omega^1/2 C^T H C Omega^1/2 has the eigenvalues of Omega C^T H C
-        stiffness = root * (C.T @ self.criterion.hessian(robot.q_rest) @ C) * root.T
-        largest = float(np.abs(np.linalg.eigvalsh(stiffness)).max())
+        omega = base_metric(robot)
         g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
         descent = Descent(
             *(omega, now.C, g),
             *(np.zeros((p, nz)), np.zeros((p, p)), np.zeros(nz), np.zeros(p)),
         )
-        k_0 = float(gains.k_0) / largest if largest > 0.0 else 0.0
+        k_0 = float(gains.k_0) * unit_stiffness(robot, self.criterion)
         return [
             criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate),
             bind(null_space_stage, *stage, descent, float(gains.kappa), float(gains.k_v), k_0),

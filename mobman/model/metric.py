@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mobman.arrays import Array
+from mobman.model.criterion import Criterion
 from mobman.model.mobile_manipulator import MobileManipulator
 
 BASE_COST = 0.3
@@ -31,3 +32,17 @@ def base_metric(robot: MobileManipulator) -> Array:
     omega = np.ones(robot.nz)
     omega[: robot.n_alpha] = (BASE_COST * np.where(speeds > 0.0, speeds, _STEERING)) ** -2
     return omega
+
+
+def unit_stiffness(robot: MobileManipulator, criterion: Criterion) -> float:
+    r"""The factor by which :math:`-\Omega C^T \partial F/\partial q` has the stiffness 1 s^-2 (as an
+    acceleration; 1 s^-1 as a velocity) in its stiffest motion.
+
+    It is :math:`1/\lambda_{max}(\Omega C^T H C)` in the rest posture, with :func:`base_metric`; 0 where
+    F is flat.
+    """
+    root, C = np.sqrt(base_metric(robot))[:, None], robot.velocity_map(robot.q_rest)
+    # Omega^1/2 C^T H C Omega^1/2 has the eigenvalues of Omega C^T H C
+    stiffness = root * (C.T @ criterion.hessian(robot.q_rest) @ C) * root.T
+    largest = float(np.abs(np.linalg.eigvalsh(stiffness)).max())
+    return 1.0 / largest if largest > 0.0 else 0.0

@@ -44,6 +44,7 @@ OWN_CONTROLLERS = [
     "linear-cascade",
     "pseudo-inverse",
     "super-twisting",
+    "task-priority",
     "time-delay",
     "tsm",
     "tsm-inverse-actuation",

@@ -1,0 +1,131 @@
+"""Singularity-robust task priority with avoidance of the joints' limits, ``task-priority``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mobman.arrays import Array
+from mobman.compiled import bind, sequence
+from mobman.controllers.baselines import (
+    ExtendedGains,
+    ResolvedAcceleration,
+    tracking_acceleration,
+)
+from mobman.controllers.gains import gain, require_not_negative, require_positive
+from mobman.controllers.protocol import controllers
+from mobman.controllers.task_errors import Stop, TaskSpace
+from mobman.errors import GainError
+from mobman.model.metric import base_metric, unit_stiffness
+from mobman.model.mobile_manipulator import MobileManipulator
+
+_UNBOUNDED_ZONE = (
+    1.0  # rad, m: the range that the zone is a share of where a joint has one bound only
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PriorityGains(ExtendedGains):
+    """Gains of the tip's task, of the secondary one, and of the inverse near singularities."""
+
+    k_d: float = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")
+    k_0: float = gain(2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion")
+    k_l: float = gain(5.0, "s^-1", "speed away from a joint's limit in z_0, per depth in its zone")
+    zone: float = gain(0.1, "1", "share of a joint's range, at each end, that is avoided")
+    epsilon: float = gain(
+        0.3, "1", "the inverse is damped below so many times sigma_min(J) in the rest posture"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "k_d", "epsilon")
+        require_not_negative(self, "k_0", "k_l", "zone")
+        if self.zone > 0.5:
+            raise GainError(f"zone = {self.zone!r}: must be at most 0.5, where both zones meet")
+
+
+class TaskPriority(ResolvedAcceleration):
+    r"""Resolved acceleration of the tip, and below it a secondary task in its null space:
+
+    .. math:: \dot z = J^\#(\ddot p_d - K_v \dot e - K_p e - \dot J z) + k_d (I - J^+ J) z_0
+        - k_d (I - J^\# J) z, \quad
+        z_0 = k_l d - \frac{k_0}{\lambda_{max}}\Omega C^T\frac{\partial F}{\partial q},
+        \quad B v = M \dot z + Pz + G.
+
+    d is how deep each joint of the arm is in the zone before its limit. All inverses are in the metric
+    :math:`\Omega` of the base. With the singular values :math:`\sigma_i` of
+    :math:`J\Omega^{1/2}`, those of :math:`J^\#` are :math:`\sigma_i/\max(\sigma_i, \epsilon)^2`: the
+    damping :math:`\lambda_i^2 = \epsilon^2 - \sigma_i^2` below :math:`\epsilon`, 0 above. The
+    projector of the secondary task is that of the exact :math:`J^+`, so that it never moves the tip, nor
+    is it inverted: there are no algorithmic singularities.
+
+    S. Chiaverini, "Singularity-robust task-priority redundancy resolution for real-time kinematic
+    control of robot manipulators", IEEE Transactions on Robotics and Automation 13(3), 1997;
+    A. A. Maciejewski, C. A. Klein, "Numerical filtering for the operation of robotic manipulators
+    through kinematically singular configurations", Journal of Robotic Systems 5(6), 1988; A. Liegeois,
+    "Automatic supervisory control of the configuration and behavior of multibody mechanisms", IEEE
+    Transactions on Systems, Man, and Cybernetics 7(12), 1977.
+    """
+
+    name = "task-priority"
+    Gains = PriorityGains
+    uses = ("M", "bias", "J'", "limits")
+
+    def acceleration(
+        self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
+    ) -> Callable[[], int]:
+        """See :class:`ResolvedAcceleration`."""
+        gains, now, wanted = self.gains, space.now, np.zeros(space.p)
+        root = np.sqrt(base_metric(robot))
+        space.at(0.0, robot.q_rest, np.zeros(robot.nz))
+        at_rest = np.linalg.svd(space.aligned_jacobian() * root, compute_uv=False)
+        epsilon = float(gains.epsilon) * float(at_rest[-1])
+        k_d, k_0 = float(gains.k_d), float(gains.k_0) * unit_stiffness(robot, self.criterion)
+        avoidance = LimitAvoidance(robot, float(gains.zone))
+
+        def prioritise() -> int:
+            # J Omega^1/2 = U S V^T, in the coordinates zeta = Omega^-1/2 z
+            try:
+                U, sigma, Vt = np.linalg.svd(space.J * root, full_matrices=False)
+            except np.linalg.LinAlgError:  # J is not finite
+                return Stop.NO_ACCELERATION
+            damped = np.maximum(sigma, epsilon) ** 2
+            secondary = float(gains.k_l) * avoidance.depth(now.q)
+            secondary -= k_0 * root**2 * (now.C.T @ self.criterion.gradient(now.q))
+            zeta_0, zeta = secondary / root, now.z / root
+            # k_d (I - V V^T) zeta_0 - k_d (I - V S^2/damped V^T) zeta
+            along = sigma * (U.T @ wanted) / damped
+            along += k_d * (sigma**2 / damped * (Vt @ zeta) - Vt @ zeta_0)
+            z_dot[:] = root * (k_d * (zeta_0 - zeta) + along @ Vt)
+            return 0
+
+        given = (space.f, space.J, space.J_dot_z, space.p_d, now.z)
+        track = bind(tracking_acceleration, *given, float(gains.K_p), float(gains.K_v), wanted)
+        return sequence(track, prioritise)
+
+
+class LimitAvoidance:
+    """How deep each joint of the arm is in the zone before its limit.
+
+    Args:
+        robot: Has the limits.
+        zone: Share of a joint's range at each of its ends; of 1 (rad, m) where it has one end only.
+    """
+
+    def __init__(self, robot: MobileManipulator, zone: float) -> None:
+        limits, self._joints = robot.limits, robot.arm_index
+        lower, upper = limits.lower[self._joints], limits.upper[self._joints]
+        range_ = np.where(np.isfinite(upper - lower), upper - lower, _UNBOUNDED_ZONE)
+        self._least, self._largest = lower + zone * range_, upper - zone * range_
+        self._nothing = np.zeros(robot.n_alpha)
+
+    def depth(self, q: Array) -> Array:
+        """The way back to the zone's edge (rad, m): of each arm's joint, 0 for the platform, (nz,)."""
+        y = q[self._joints]
+        way: Array = np.maximum(self._least - y, 0.0) - np.maximum(y - self._largest, 0.0)
+        return np.concatenate([self._nothing, way])
+
+
+controllers.register(TaskPriority.name, TaskPriority)
