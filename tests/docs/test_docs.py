@@ -50,6 +50,7 @@ OWN_CONTROLLERS = [
     "tsm-inverse-actuation",
     "tsm-null-space",
     "tsm-simplified",
+    "whole-body-qp",
 ]
 OWN_TASKS = [
     "paper",

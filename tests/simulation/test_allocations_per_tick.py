@@ -116,6 +116,8 @@ def _copies(law, robot):
     if law in ("computed-torque-integral", "time-delay"):
         # the integral before the tick, |v|, and where it is beyond a limit
         return 3 * (8 * robot.nz + 112)
+    if law == "whole-body-qp":  # the program: some 10 matrices, of a row for each limit
+        return 12 * (8 * robot.nz * (robot.nz + robot.nq) + 112) + 60 * (16 * robot.nq + 112)
     if law == "task-priority":  # the decomposition of J, and vectors
         return 8 * (8 * robot.nz + 112) + 30 * (8 * robot.nq + 112)
     return 0
