@@ -7,7 +7,7 @@ import json
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import product
 from typing import Any, NamedTuple, TypeVar, cast
@@ -18,9 +18,10 @@ from mobman.errors import MobmanError, SpecError, UnknownNameError, UsageError
 from mobman.model.build import build_robot, load_robot
 from mobman.model.platforms.platform import platforms
 from mobman.robots.catalogue import find_spec, list_robots, origin_of
+from mobman.simulation.placements import placements
 from mobman.simulation.run_spec import RunSpec, fingerprint, foreign_code_sha256
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
-from mobman.tasks.task import check_parameters, make_task, task_parameters, tasks
+from mobman.tasks.task import check_parameters, task_parameters, tasks
 from mobman.toml_lines import Place, TomlLines
 from mobman.toml_model import at_lines
 
@@ -29,6 +30,9 @@ MOST_RUNS = 100_000
 MOST_ENTRIES = 10_000
 
 T = TypeVar("T")
+
+_placed: dict[tuple[Any, ...], dict[int, dict[str, Any]]] = {}
+"""Fields of runs at placements that were drawn in this process: following a task takes 0.1 s."""
 
 
 def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]:
@@ -181,6 +185,7 @@ class _Plan(NamedTuple):
     seed: int
     duration: float
     dt: float
+    placement: int
 
     @property
     def controller(self) -> tuple[str, str]:
@@ -244,6 +249,7 @@ class _Expansion:
                     gains[name] = gains.get(name, {}) | own
             periods, seeds = group.dt or suite.dt, group.seeds or suite.seeds
             each = len(seeds) * (len(periods) if isinstance(periods, list) else 1)
+            each *= group.placements or suite.placements
             count = len(robots) * len(aims) * len(scenarios) * len(labels) * each
             if count > MOST_RUNS:
                 self._problems.note(f"{where} asks for {count} runs; allowed: {MOST_RUNS}")
@@ -262,12 +268,17 @@ class _Expansion:
                         own |= override.gains
                     # of the rest, the last that is given
                     parts: list[SuiteTables | Changes] = [suite, group, *overrides]
-                    duration = [part.duration for part in parts if part.duration is not None][-1]
-                    periods = [part.dt for part in parts if part.dt is not None][-1]
-                    seeds = [part.seeds for part in parts if part.seeds is not None][-1]
-                    for dt in periods if isinstance(periods, list) else [periods]:
-                        for seed in seeds:
-                            yield _Plan(where, *cell, own, seed, duration, dt)
+                    duration, periods, seeds, placements = (
+                        [value for part in parts if (value := getattr(part, name)) is not None][-1]
+                        for name in ("duration", "dt", "seeds", "placements")
+                    )
+                    first = suite.first_placement
+                    for number, dt, seed in product(
+                        range(first, first + placements),
+                        periods if isinstance(periods, list) else [periods],
+                        seeds,
+                    ):
+                        yield _Plan(where, *cell, own, seed, duration, dt, number)
         for number in sorted(set(range(len(suite.overrides))) - used):
             self._problems.note(f"overrides.{number} fits no run; see its 'where'")
 
@@ -361,9 +372,14 @@ class _Expansion:
         for key, plan in {plan.controller: plan for plan in planned}.items():
             where = f"controller {plan.label!r}" + (f" in {plan.where}" if plan.gains else "")
             self._laws[key] = attempt(where, self._gains_and_settings, plan)
-        self._parameters = {
-            (robot, task): attempt(f"task {task!r} for robot {robot!r}", self._known, robot, task)
-            for robot, task in dict.fromkeys((plan.robot, plan.task) for plan in planned)
+        numbers: dict[tuple[str, str], dict[int, None]] = {}
+        for plan in planned:
+            numbers.setdefault((plan.robot, plan.task), {})[plan.placement] = None
+        self._placed = {
+            (robot, task): attempt(
+                f"task {task!r} for robot {robot!r}", self._placements, robot, task, own
+            )
+            for (robot, task), own in numbers.items()
             if self._robots[robot] is not None
         }
         self._codes: dict[tuple[str, ...], str] = {}
@@ -380,15 +396,29 @@ class _Expansion:
         settings: dict[str, Any] = getattr(controller, "settings", dict)()
         return gains, settings
 
-    def _known(self, robot: str, task: str) -> dict[str, Any]:
+    def _placements(
+        self, robot: str, task: str, numbers: Iterable[int]
+    ) -> dict[int, dict[str, Any]]:
+        """Fields of a run that depend on its placement, by its number."""
         name, given = self._task_of(task)
-        return task_parameters(make_task(name, load_robot(robot), **given))
+        robot_sha256, _ = cast(Any, self._robots[robot])
+        key = robot, robot_sha256, tasks.get(name), json.dumps(given, sort_keys=True)
+        known = _placed.setdefault(key, {})
+        if missing := [number for number in numbers if number not in known]:
+            for number, placed in placements(load_robot(robot), missing, name, given).items():
+                known[number] = {
+                    "task_given": placed.parameters,
+                    "task_parameters": task_parameters(placed.task),
+                    "q0": placed.q0.tolist() if number else [],
+                    "placement": number,
+                }
+        return known
 
     def run(self, plan: _Plan) -> RunSpec:
         """The run of such names, if no problem was noted."""
         gains, settings = self._laws[plan.controller]
         law = self._law_of(plan.label)
-        task, given = self._task_of(plan.task)
+        task, _ = self._task_of(plan.task)
         scenario, fields = cast(Any, self._resolved_scenarios[plan.scenario])
         robot_sha256, kind = cast(Any, self._robots[plan.robot])
         if (key := (law, task, kind, plan.scenario)) not in self._codes:
@@ -404,8 +434,7 @@ class _Expansion:
             settings=settings,
             task=plan.task,
             task_name=task,
-            task_given=given,
-            task_parameters=cast(Any, self._parameters[plan.robot, plan.task]),
+            **cast(Any, self._placed[plan.robot, plan.task])[plan.placement],
             scenario=fields,
             family=self._scenarios.labels.get(plan.scenario, plan.scenario),
             seed=plan.seed,

@@ -36,11 +36,11 @@ def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
 
     Returns:
         A frame indexed by run id. Columns: ``robot``, ``task``, ``scenario``, ``controller`` (its
-        label in the suite), ``law``, ``seed``, ``dt`` (s), ``duration`` (s), ``status`` (as in
-        :class:`mobman.Record`; ``"failed"`` for a run without a result, ``"pending"`` for one that is
-        not done yet), ``message``, ``file``, every metric by its name, and what is known of a
-        singularity (``singular_matrix``, ``singular_time``, ..., see :attr:`mobman.Record.singularity`);
-        NaN where a run has none.
+        label in the suite), ``law``, ``placement`` (its number), ``seed``, ``dt`` (s), ``duration``
+        (s), ``status`` (as in :class:`mobman.Record`; ``"failed"`` for a run without a result,
+        ``"pending"`` for one that is not done yet), ``message``, ``file``, every metric by its name, and
+        what is known of a singularity (``singular_matrix``, ``singular_time``, ..., see
+        :attr:`mobman.Record.singularity`); NaN where a run has none.
 
     Raises:
         MobmanError: If the folder holds no results.
@@ -57,6 +57,7 @@ def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
             "scenario": run.scenario["name"],
             "controller": run.label,
             "law": run.law,
+            "placement": run.placement,
             "seed": run.seed,
             "dt": run.dt,
             "duration": run.duration,

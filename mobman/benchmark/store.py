@@ -377,7 +377,7 @@ def _index(rows: Sequence[tuple[RunSpec, RecordSummary]]) -> bytes:
         }
         for name, values in columns.items():
             table.create_dataset(name, data=values, dtype=h5py.string_dtype())
-        numbers: dict[str, type] = {"seed": int, "dt": float, "duration": float}
+        numbers: dict[str, type] = {"placement": int, "seed": int, "dt": float, "duration": float}
         for name, kind in numbers.items():
             column: Any = np.array([getattr(run, name) for run, _ in rows], dtype=kind)
             table.create_dataset(name, data=column)

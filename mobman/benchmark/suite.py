@@ -81,7 +81,7 @@ def load_suite(name_or_path: str | os.PathLike[str]) -> Suite:
 
     >>> import mobman as mm
     >>> mm.load_suite("quick").size()
-    24
+    96
 
     Args:
         name_or_path: One of :func:`list_suites`, or a path, which ends in ``.toml`` or has a separator.

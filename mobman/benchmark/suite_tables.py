@@ -14,6 +14,9 @@ Grid = dict[str, Annotated[list[Any], Field(min_length=1)]]
 Positive = Annotated[float, Field(gt=0)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Names = Annotated[list[str], Field(min_length=1)]
+MOST_PLACEMENTS = 1000
+"""Of a suite; its tuning has those that follow after so many."""
+Placements = Annotated[int, Field(ge=1, le=MOST_PLACEMENTS)]
 
 
 class SearchRange(Strict):
@@ -59,6 +62,9 @@ class Tuning(Strict):
     """Those of the suite by default."""
     tasks: Names | None = None
     """Those of the suite by default; a robot does those that it does in the suite."""
+    placements: Placements | None = None
+    """Number of placements, none of them the suite's: each is a run of each trial. By default two where
+    the suite has several, and else the robot's rest."""
     scenarios: Names | None = None
     """Names of ``definitions``, of the suite's scenarios or of mobman's; by default all of
     ``definitions``, or mobman's own for tuning if there are none."""
@@ -143,6 +149,7 @@ class Changes(Strict):
     dt: Positive | Annotated[list[Positive], Field(min_length=1)] | None = None
     """Sampling period (s), or several: each is a run."""
     seeds: Annotated[list[Seed], Field(min_length=1)] | None = None
+    placements: Placements | None = None
 
 
 class Group(Changes):
@@ -196,6 +203,10 @@ class SuiteTables(Strict):
     dt: Positive | Annotated[list[Positive], Field(min_length=1)] = 1e-3
     """Sampling period (s), or several: each is a run."""
     seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
+    placements: Placements = 1
+    """How many starts, with the task placed at each: the robot's rest, and others that are drawn."""
+    first_placement: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    """Number of the first of them; 0 is the robot's rest, with the task as it is given."""
     time_limit: Positive = 600.0
     """Wall time that a run may take (s); one that takes longer gives no result."""
     record_period: Positive = 5e-3

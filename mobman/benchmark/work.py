@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mobman.benchmark.workers import preload
@@ -231,18 +232,23 @@ def simulated_run(
     Raises:
         MobmanError: If the task cannot be made, or the simulation cannot begin.
     """
-    given = run.task_given
-    return simulate(
+    given, scenario = run.task_given, Scenario.model_validate(run.scenario)
+    placed = np.array(run.q0) if run.q0 else None
+    by_name = not given and placed is None  # the record says so then
+    record = simulate(
         robot,
         controller,
-        # by name alone if that is all: the record says so then
-        make_task(run.task_name, robot, **given) if given else run.task_name,
+        run.task_name if by_name else make_task(run.task_name, robot, placed, **given),
         duration=run.duration,
         dt=run.dt,
-        scenario=Scenario.model_validate(run.scenario),
+        q0=None if placed is None else scenario.start_of(robot, placed),
+        scenario=scenario,
         seed=run.seed,
         progress=progress,
     )
+    if run.placement:
+        record.spec["placement"] = run.placement
+    return record
 
 
 @contextlib.contextmanager

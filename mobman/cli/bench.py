@@ -87,6 +87,7 @@ def show_command(suite: str, each: bool, as_json: bool) -> None:
         "scenarios": _names(run.scenario["name"] for run in runs),
         "durations": _names(f"{run.duration:g} s" for run in runs),
         "dt": _names(f"{run.dt:g} s" for run in runs),
+        "placements": _names(str(run.placement) for run in runs),
         "seeds": _names(str(run.seed) for run in runs),
         "time limit": f"{chosen.time_limit:g} s a run, wall time",
         "samples": f"one every {chosen.record_period:g} s in the files",

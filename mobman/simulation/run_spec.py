@@ -27,13 +27,14 @@ Number = Annotated[float, Field(ge=-(2.0**63), le=2.0**63, allow_inf_nan=False)]
 _NO_PART_OF_THE_RESULT = {
     # names within the suite; gains, which `settings` hold; and what follows from the rest
     *("label", "gains", "task", "family", "compression"),
+    "placement",  # q0 and the task's parameters say what it is
     *("description", "task_object", "plant", "plant_masses", "at_start", "not_repeatable"),
 }
 _RECORDED = (
     *("task", "gains", "task_parameters", "task_object", "scenario", "duration", "dt", "q0"),
     *("seed", "plant", "plant_masses", "at_start", "not_repeatable"),
 )
-_RECORDED_IF_GIVEN = ("task_given", "plant_scenario", "plant_robot", "plant_inertias")
+_RECORDED_IF_GIVEN = ("task_given", "placement", "plant_scenario", "plant_robot", "plant_inertias")
 _LACKING: dict[str, Any] = {"task": "", "task_parameters": {}, "plant": "", "plant_masses": []}
 """Parts of a record's description that a repetition does without."""
 
@@ -46,6 +47,7 @@ class Cell(NamedTuple):
     scenario: str
     dt: float
     duration: float
+    placement: int
 
 
 @dataclass(frozen=True, kw_only=True, config=ConfigDict(strict=True, extra="forbid"))
@@ -90,7 +92,10 @@ class RunSpec:
     version: str = __version__
     """mobman's: another version may give other numbers."""
     q0: list[float] = Field(default_factory=list)
-    """Start; the robot's ``q_rest`` where there is none."""
+    """Start; the robot's ``q_rest`` where there is none. Of a suite's run, the one that its task is made
+    for, from which the scenario may displace the robot."""
+    placement: Annotated[int, Field(ge=0)] = 0
+    """Its number in the suite, see :func:`mobman.simulation.placements.placements`."""
     description: Table = Field(default_factory=dict)
     """The robot's, as a TOML file has it; this and what follows is known of a run that was done."""
     task_object: Any = None
@@ -130,7 +135,10 @@ class RunSpec:
     @property
     def cell(self) -> Cell:
         """The unit that it is compared in."""
-        return Cell(self.robot, self.task, self.scenario["name"], self.dt, self.duration)
+        scenario: str = self.scenario["name"]
+        return Cell(
+            self.robot, self.task, scenario, self.dt, self.duration, placement=self.placement
+        )
 
     @property
     def record_every(self) -> int:
@@ -141,7 +149,8 @@ class RunSpec:
         cell = self.cell
         return (
             f"{cell.robot} · {cell.task} · {cell.scenario} · {self.label} · {cell.dt:g} s · "
-            f"seed {self.seed}"
+            + (f"placement {cell.placement} · " if cell.placement else "")
+            + f"seed {self.seed}"
         )
 
     def as_dict(self) -> dict[str, Any]:

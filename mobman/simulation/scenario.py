@@ -209,9 +209,14 @@ class Scenario(Displayed, Strict):
             scaled = setting.robot.with_model(model)
         return true_robot(scaled, payload=self.payload)
 
-    def start_of(self, robot: MobileManipulator) -> Array:
-        """The start of a run that is given none (m, rad), shape (nq,)."""
-        start = robot.q_rest.copy()
+    def start_of(self, robot: MobileManipulator, placed: Array | None = None) -> Array:
+        """The start of a run whose task is made for another (m, rad), shape (nq,).
+
+        Args:
+            robot: The robot.
+            placed: The start that the task is made for, shape (nq,); ``robot.q_rest`` by default.
+        """
+        start = np.array(robot.q_rest if placed is None else placed, dtype=float)
         if robot.platform.base_joints:
             x, y, theta = pose_index(robot)
             forward = start[theta] + getattr(robot.platform, "heading", 0.0)

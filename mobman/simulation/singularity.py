@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -75,11 +76,17 @@ class _Jacobians:
     def __init__(self, robot: MobileManipulator, task: Task, criterion: Criterion) -> None:
         self.m = task_map_of(task).m
         self.extended = ExtendedJacobian(robot, task_map_of(task), criterion)
+        self._of = robot, task, criterion
+
+    @cached_property
+    def bounds(self) -> dict[str, float]:
+        """The roots of the bounds of (22) that ``a = "auto"`` takes; sampling takes 50 ms."""
+        robot, task, criterion = self._of
         bounds = {
             "J": jacobian_bound(robot, task, TaskSpace(robot, task, criterion)),
             "J_e": jacobian_bound(robot, task, TaskSpace(robot, task)),
         }
-        self.bounds = {name: math.sqrt(value) for name, value in bounds.items()}
+        return {name: math.sqrt(value) for name, value in bounds.items()}
 
     def sigmas(self) -> dict[str, float]:
         """Least singular values."""
@@ -88,6 +95,16 @@ class _Jacobians:
         return {
             name: float(np.linalg.svd(part, compute_uv=False)[-1]) for name, part in parts.items()
         }
+
+    def stiffness(self) -> float:
+        """Least eigenvalue of N (H + D) N^T, symmetrised, on the motions that leave the tip at rest; inf
+        if there are none."""
+        J, extended = self.extended.J, self.extended
+        free = np.linalg.svd(J[: self.m])[2][self.m :].T
+        motion = extended.complement @ extended.buffers.C @ free
+        stiffness = motion.T @ J[self.m :] @ free
+        values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))
+        return float(values[0]) if len(values) else math.inf
 
     def sign(self) -> float:
         """Sign of det J over that of a matrix of full rank with the same axes of f_a."""
@@ -150,14 +167,12 @@ def _along(jacobians: _Jacobians, states: Array) -> tuple[dict[str, Array], Arra
         try:
             jacobians.extended.at(q, np.zeros(len(jacobians.extended.f)))
         except SingularityError:
-            rows.append(dict.fromkeys(jacobians.bounds, 0.0))
+            rows.append({"J_e": 0.0, "J": 0.0})
             signs.append(signs[-1] if signs else 1.0)
         else:
             rows.append(jacobians.sigmas())
             signs.append(jacobians.sign())
-    return {name: np.array([row[name] for row in rows]) for name in jacobians.bounds}, np.array(
-        signs
-    )
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, np.array(signs)
 
 
 def left_its_task(run: Run) -> int:
@@ -204,17 +219,29 @@ _BETWEEN = 0.1  # s: at which singular values are kept
 
 
 @dataclass(frozen=True)
-class Prediction:
+class Motion:
     """The motion of a robot that follows its task exactly, with f_a = 0."""
 
-    singular: Singularity | None
-    """Where the motion ends: the solution of the extended task folds back, or j loses its rank."""
     t: Array
     """Times (s), shape (N,)."""
-    sigma: Array
-    """Least singular value of J of (13) at them, shape (N,)."""
+    q: Array
+    """Configurations at them, shape (N, nq)."""
     sigma_tip: Array
-    """The same of J_e of (43), shape (N,)."""
+    """Least singular value of J_e of (43) at them, shape (N,)."""
+    sigma: Array
+    """The same of J of (13)."""
+    stiffness: Array
+    """Least eigenvalue of N (H + D) N^T at them, shape (N,): above 0 where f_a = 0 is a minimum of F."""
+    ended: bool
+    """True if it ends early: the solution of the extended task folds back, or j loses its rank."""
+
+
+@dataclass(frozen=True)
+class Prediction(Motion):
+    """A motion that follows a task, and what ends it."""
+
+    singular: Singularity | None
+    """Where the motion ends early."""
     bound: float
     """That of ``sigma``: the root of the bound of (22) that ``a = "auto"`` takes."""
     bound_tip: float
@@ -229,11 +256,7 @@ def predict_singularity(
     q0: Array | None = None,
     criterion: Criterion | None = None,
 ) -> Prediction:
-    r"""Predict whether a law on the extended task (13) ends in a singularity.
-
-    No dynamics: :math:`\dot q = C J^{-1}(\dot p_d - \kappa e)` is integrated (midpoint rule, at most
-    50 ms and 0.05 rad a step), as laws move that hold e = 0 from some seconds on. The motion ends where
-    the determinant of J changes its sign, or no step is small enough.
+    """Predict whether a law on the extended task (13) ends in a singularity.
 
     Args:
         robot: The robot.
@@ -241,6 +264,40 @@ def predict_singularity(
         duration: How far to look (s).
         q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
         criterion: F; by default that of the laws, with the task's weights or the robot's.
+    """
+    criterion = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
+    motion = follow(robot, task, duration=duration, q0=q0, criterion=criterion)
+    bounds, tip = _Jacobians(robot, task, criterion).bounds, float(motion.sigma_tip[-1])
+    found = None
+    if motion.ended:
+        name, sigma = ("J_e", tip) if tip < bounds["J_e"] else ("J", 0.0)
+        where = nearest_limit(robot, motion.q[-1])
+        found = Singularity(name, float(motion.t[-1]), sigma, bounds[name], *where)
+    return Prediction(**vars(motion), singular=found, bound=bounds["J"], bound_tip=bounds["J_e"])
+
+
+def follow(
+    robot: MobileManipulator,
+    task: Task,
+    *,
+    duration: float,
+    q0: Array | None = None,
+    criterion: Criterion | None = None,
+    step: float = _STEP,
+) -> Motion:
+    r"""Follow a task without any dynamics.
+
+    :math:`\dot q = C J^{-1}(\dot p_d - \kappa e)` is integrated by the midpoint rule, at most 0.05 rad
+    a step, as laws move that hold e = 0 from some seconds on, at a hundredth of a simulation's cost. It
+    ends where the determinant of J changes its sign, or no step is small enough.
+
+    Args:
+        robot: The robot.
+        task: The task.
+        duration: How far to look (s).
+        q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
+        criterion: F; by default that of the laws, with the task's weights or the robot's.
+        step: The longest (s).
     """
     criterion = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
     jacobians = _Jacobians(robot, task, criterion)
@@ -255,26 +312,21 @@ def predict_singularity(
         return found
 
     q = robot.q_rest.copy() if q0 is None else robot.checked_configuration(q0)
-    t, step, sign, ended = 0.0, _STEP, 0.0, False
-    rows: list[list[float]] = []
+    t, longest, sign, ended = 0.0, step, 0.0, False
+    rows: list[tuple[Any, ...]] = []
     while not ended and t < duration:
         try:
             extended.at(q, rest)
             here, q_dot = jacobians.sign(), rate(t, q)
             fastest = float(np.abs(q_dot[posture]).max(initial=0.0))
-            step = min(_STEP, 2.0 * step, _TURN / max(fastest, _TURN))
+            step = min(longest, 2.0 * step, _TURN / max(fastest, _TURN))
             sign = sign or here
             ended = here != sign or not step > _SMALLEST
-            if ended or not rows or step < _STEP or t >= rows[-1][0] + _BETWEEN:
-                rows.append([t, *jacobians.sigmas().values()])
+            if ended or not rows or step < longest or t >= rows[-1][0] + _BETWEEN:
+                rows.append((t, q, *jacobians.sigmas().values(), jacobians.stiffness()))
             q, t = q + step * rate(t + 0.5 * step, q + 0.5 * step * q_dot), t + step
         except (SingularityError, np.linalg.LinAlgError):
-            rows.append([t, 0.0, 0.0])
+            rows.append((t, q, 0.0, 0.0, 0.0))
             ended = True
-    times, tip, both = np.array(rows).T
-    bounds = jacobians.bounds
-    found = None
-    if ended:
-        name, sigma = ("J_e", tip[-1]) if tip[-1] < bounds["J_e"] else ("J", 0.0)
-        found = Singularity(name, float(times[-1]), sigma, bounds[name], *nearest_limit(robot, q))
-    return Prediction(found, times, both, tip, bounds["J"], bounds["J_e"])
+    times, states, tip, both, stiffness = map(np.array, zip(*rows, strict=True))
+    return Motion(times, states, tip, both, stiffness, ended)

@@ -221,7 +221,7 @@ def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Fi
     table = errors.groupby(cells[column], sort=False).agg(upper_median)
     family = cells.drop_duplicates(column).set_index(column).family
     order = {f: i for i, f in enumerate(cells.family.unique())}
-    if column == "variant":
+    if column == "case":
         table = table.sort_index(key=lambda names: family[names].map(order), kind="stable")
     shown = table[:_MOST_SCENARIOS]
     low, high = decades(np.maximum(shown.to_numpy().ravel(), FLOOR))
@@ -250,9 +250,9 @@ def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Fi
     chart = layered(
         tiles.encode(color=crossed), words, data="rows", height=22.0 * len(shown), legend=False
     )
-    kind = "scenarios" if column == "variant" else "robots and tasks"
+    kind = "scenarios" if column == "case" else "robots and tasks"
     spec = figure(chart, f"Heat map of the steady task error: {kind} by controllers", rows=rows)
-    over = "robots and tasks" if column == "variant" else "scenarios"
+    over = "robots, tasks and placements" if column == "case" else "scenarios and placements"
     caption = (
         f"Steady |e^e| (m), the median over {over}, of an even number the worse of the two in the "
         "middle; darker is worse; ×: half of them or more fail."

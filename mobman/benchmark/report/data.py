@@ -22,18 +22,19 @@ from mobman.errors import MobmanError, RecordError
 from mobman.input_file import check_within
 from mobman.printable import printable
 from mobman.simulation.record import RecordSummary, load_record
-from mobman.simulation.run_spec import RunSpec
+from mobman.simulation.run_spec import Cell, RunSpec
 
 NOMINAL = "nominal"
 DONE, FAILED, NOT_RUN = "done", "failed", "not run"
 WriteReplay = Callable[[Path, Path, float | None], None]
 """Writes a page: given a record's file, the page's, and the instant that it opens at (s), if any."""
 _INSTANT = re.compile(r"\bt = ([0-9][0-9.eE+-]*) s")
-_CELL = ["robot", "task", "scenario", "dt", "duration"]
+_CELL = list(Cell._fields)
 _DEFAULTS: dict[str, Any] = {
     **dict.fromkeys(("robot", "task", "scenario", "family", "label", "law", "file"), ""),
     "dt": 1e-3,
     "duration": 1.0,
+    "placement": 0,
     "seed": 0,
     "state": DONE,
     **dict.fromkeys(("status", "message", "created", "acceleration", "command", "replay"), ""),
@@ -101,7 +102,8 @@ class Results:
 
     @cached_property
     def cells(self) -> pd.DataFrame:
-        """One row a cell, by group; with ``group``, ``variant``, ``name`` and ``family``."""
+        """One row a cell, by group; with ``group``, ``case`` (the scenario, and what of period and
+        duration varies), ``variant`` (the case and its placement), ``name`` and ``family``."""
         return self._cells_of(self.runs)
 
     def _cells_of(self, runs: pd.DataFrame) -> pd.DataFrame:
@@ -111,18 +113,22 @@ class Results:
         cells["family"] = families.reindex(cells.index).fillna(cells.scenario)
         cells["group"] = [f"{r}, {t}" for r, t in zip(cells.robot, cells.task, strict=True)]
         siblings = cells.groupby(["group", "scenario"], sort=False)
-        periods, lengths = (siblings[name].transform("nunique") for name in ("dt", "duration"))
-        cells["variant"] = [
-            scenario + (f", dt {1e3 * dt:g} ms" if a > 1 else "") + (f", {t:g} s" if b > 1 else "")
-            for scenario, dt, t, a, b in zip(
-                *(cells.scenario, cells.dt, cells.duration, periods, lengths), strict=True
-            )
-        ]
+
+        def told(name: str, words: Callable[[Any], str]) -> pd.Series:
+            return cells[name].map(words).where(siblings[name].transform("nunique") > 1, "")
+
+        cells["case"] = cells.scenario + told("dt", lambda dt: f", dt {1e3 * dt:g} ms")
+        cells["case"] += told("duration", lambda t: f", {t:g} s")
+        cells["variant"] = cells.case + told("placement", lambda n: f", placement {n}")
         cells["name"] = [f"{g}, {v}" for g, v in zip(cells.group, cells.variant, strict=True)]
         # the nominal scenario first, the others as they come; each from the shortest period on
         group, scenario = (pd.factorize(cells[name])[0] for name in ("group", "scenario"))
         cells["place"] = list(
-            zip(group, cells.scenario != NOMINAL, scenario, cells.dt, cells.duration, strict=True)
+            zip(
+                *(group, cells.scenario != NOMINAL, scenario),
+                *(cells.dt, cells.duration, cells.placement),
+                strict=True,
+            )
         )
         return cells.sort_values("place").drop(columns="place")
 
@@ -323,6 +329,7 @@ def csv_of(results: Results) -> str:
             "family": results.cells.family.reindex(runs.cell).to_numpy(),
             "duration": runs.duration.map(repr),
             "dt": runs.dt.map(repr),
+            "placement": runs.placement,
             "controller": runs.label,
             "seed": runs.seed,
             "law": runs.law.where(done, ""),
@@ -332,7 +339,7 @@ def csv_of(results: Results) -> str:
             "file": runs.file.where(done, ""),
         }
     )
-    texts = [name for name in table if name not in ("duration", "dt", "seed")]
+    texts = [name for name in table if name not in ("duration", "dt", "placement", "seed")]
     table[texts] = table[texts].map(_csv_text)
     numbers = results.metrics.reindex(runs.index).map(repr)
     numbers.columns = numbers.columns.map(_csv_text)

@@ -165,7 +165,7 @@ def _content(
         prices = {name: prices_of(results, board, name) for name in EFFORTS}
         figures |= {
             "leaderboard": charts.leaderboard_figure(board, looks),
-            "scenarios": charts.heat_map(results, board, "variant", "scenarios")[0],
+            "scenarios": charts.heat_map(results, board, "case", "scenarios")[0],
             "profiles": charts.profiles_figure(results, board, looks),
             "pareto": charts.pareto_figure(prices, looks),
         }

@@ -139,7 +139,7 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
     metrics = _metrics_tables(results, [*drawn])
     replays = tables.replays_table(results, _MOST_REPLAYS)
     endings, losses = tables.endings_table(results), tables.losses_table(results)
-    heat = charts.heat_map(results, board, "variant", "scenarios") if compared else (None, 0)
+    heat = charts.heat_map(results, board, "case", "scenarios") if compared else (None, 0)
     created = sorted({moment for moment in runs.created if moment})
     versions, warning = tables.versions_table(results)
     summary = findings.summary_lines(results, board)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from pydantic import RootModel
 
 from mobman.benchmark.suite import Suite
-from mobman.benchmark.suite_tables import Space, Tuning
+from mobman.benchmark.suite_tables import MOST_PLACEMENTS, Space, Tuning
 from mobman.benchmark.work import simulated_run
 from mobman.controllers.protocol import controllers, gains_by_field, make_controller
 from mobman.errors import SpecError, UnknownNameError, UsageError
@@ -144,7 +144,16 @@ def tuning_runs(
         group = {"robots": [robot], "tasks": [task], "scenarios": names or list(shipped)}
         period = {"dt": known[0].dt} if tuning.dt is None and known else {}
         groups.append({**group, "gains": gains, **period})
+    placements = tuning.placements or (2 if any(run.placement for run in reported) else None)
     derived: dict[str, Any] = {
+        **(
+            {}
+            if placements is None
+            else {
+                "placements": placements,
+                "first_placement": suite.first_placement + MOST_PLACEMENTS,
+            }
+        ),
         **{key: content[key] for key in ("schema", "dt", "tasks") if key in content},
         **({} if tuning.dt is None else {"dt": tuning.dt}),
         "name": suite.name,
@@ -197,8 +206,9 @@ def _asked(names: list[str] | None, known: list[str]) -> list[str]:
 def require_disjoint(tuning: Sequence[RunSpec], reported: Iterable[RunSpec]) -> None:
     """Refuse a tuning set with a run that is, or is part of, a reported one.
 
-    That is one of the same robot, task, scenario (by its content, whatever its name) and seed; and of
-    another seed if the scenario has nothing random in it, so that the seed makes no difference.
+    That is one of the same robot, task, placement, scenario (by its content, whatever its name) and
+    seed; and of another seed if the scenario has nothing random in it, so that the seed makes no
+    difference.
 
     Args:
         tuning: Runs of a trial, of any controller.
@@ -242,7 +252,7 @@ def require_disjoint(tuning: Sequence[RunSpec], reported: Iterable[RunSpec]) -> 
 def _content(run: RunSpec) -> str:
     """All that two runs have in common if only their laws, seeds and times differ."""
     scenario = {k: value for k, value in run.scenario.items() if k not in ("name", "description")}
-    content = (run.robot_sha256, run.task_name, run.task_parameters, scenario)
+    content = (run.robot_sha256, run.task_name, run.task_parameters, run.q0, scenario)
     return json.dumps(content, sort_keys=True, default=str)
 
 
