@@ -17,7 +17,7 @@ from mobman.model.criterion import Criterion, Posture
 from mobman.model.dynamics import Buffers
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.orientation import REASONS, OrientationError
+from mobman.model.orientation import REASONS, OrientationError, Turn
 from mobman.tasks.task import Task, task_entry, task_map_of
 
 
@@ -79,6 +79,7 @@ class TaskSpace:
         given = self.p_d if m <= 3 else np.zeros((4, task_map.width))
         then: tuple[Callable[[], object], ...] = (task_entry(task, self._t, given),)
         self._J_f, rates, fill = task_map.rows_of(now)
+        self._turn: Turn | None = None
         if criterion is None:
             self.f = now.tip[:m] if m <= 3 else np.zeros(m)
             self.J, self.J_dot_z = np.zeros((m, nz)), np.zeros(m)
@@ -87,6 +88,7 @@ class TaskSpace:
             self.f, self.J, self.J_dot_z = extended.f, extended.J, extended.J_dot_z
         if m > 3:
             error = OrientationError(task_map, now, given)
+            self._turn = error.turn
             then += error.rates(self.f, self.J, self.J_dot_z, self.p_d)
         self._update: Callable[[], int | None]
         if criterion is None:
@@ -106,6 +108,13 @@ class TaskSpace:
         if self.task_map.m > 3:
             J[3 : self.task_map.m] = self._J_f[3:] @ self.now.C
         return J
+
+    def gradient(self) -> Array:
+        """df/dq of the task's own coordinates at the last state, shape (m, nq); times C it is J."""
+        gradient = self._J_f.copy()
+        if self._turn is not None:
+            gradient[3:] = self._turn.T @ self._turn.V.T @ gradient[3:]
+        return gradient
 
     def at(self, t: float, q: Array, z: Array) -> None:
         """Fill f, J, J' z and p_d at time t (s) and state (q, z).

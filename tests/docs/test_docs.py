@@ -42,6 +42,7 @@ OWN_CONTROLLERS = [
     "extended-jacobian",
     "first-order-sliding",
     "linear-cascade",
+    "mpc",
     "pseudo-inverse",
     "super-twisting",
     "task-priority",

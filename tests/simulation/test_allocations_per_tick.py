@@ -116,6 +116,10 @@ def _copies(law, robot):
     if law in ("computed-torque-integral", "time-delay"):
         # the integral before the tick, |v|, and where it is beyond a limit
         return 3 * (8 * robot.nz + 112)
+    if (
+        law == "mpc"
+    ):  # in the tick with a solution, some 20 matrices of eight intervals' accelerations
+        return 20 * (8 * robot.nz) ** 2 * 8
     if law == "whole-body-qp":  # the program: some 10 matrices, of a row for each limit
         return 12 * (8 * robot.nz * (robot.nz + robot.nq) + 112) + 60 * (16 * robot.nq + 112)
     if law == "task-priority":  # the decomposition of J, and vectors
