@@ -48,7 +48,7 @@ def solver(law: str, extra: str) -> Solve:
         x, _, flag, _ = daqp.solve(*given, iter_limit=_LIMIT, primal_tol=_TOLERANCE)
         if flag not in _SOLVED or not np.isfinite(x).all():
             raise SingularityError(
-                f"the quadratic program of {law!r} has no solution: DAQP ends with exit flag {flag}"
+                f"the quadratic program of {law!r} has no finite solution (DAQP's exit flag: {flag})"
             )
         return np.array(x)
 

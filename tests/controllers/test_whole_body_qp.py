@@ -95,13 +95,13 @@ def test_solution_is_the_best_one(name, task, tight):
 )
 def test_limits_hold_and_are_used(name, metric):
     """On robots whose motors, or wheels, are too weak for the start of the default circle."""
-    record = mm.simulate(name, "whole-body-qp", "circle", duration=4.0, scenario="real-limits")
+    record = mm.simulate(name, "whole-body-qp", "circle", duration=2.0, scenario="real-limits")
     assert record.ok
     assert record.metrics["torque_limit_ratio"] <= 1.0
     assert record.metrics["velocity_limit_ratio"] < 1.0 + 1e-3
     assert record.metrics["position_limit_excess"] < 1e-3
     assert record.metrics[metric] > 0.99
-    assert record.metrics["task_error_final"] < 1e-4
+    assert record.metrics["task_error_final"] < 1e-3
     free = mm.simulate(name, "task-priority", "circle", duration=0.5)
     assert free.metrics[metric] > 1.3
 
@@ -130,13 +130,34 @@ def test_joint_stops_before_its_limit():
     joint = robot.joint_names.index("panda_joint1")
     limit = robot.limits.upper[joint]
     q0 = robot.q_rest.copy()
-    q0[joint] = limit - 0.3
+    q0[joint] = limit - 0.1
     robot.q_rest[joint] = limit + 0.5  # where the criterion wants it
-    record = mm.simulate(robot, "whole-body-qp", "circle", duration=6.0, q0=q0)
+    record = mm.simulate(robot, "whole-body-qp", "circle", duration=2.5, q0=q0)
     assert record.ok
     assert record.q[:, joint].max() < limit + 1e-5  # soft
     assert record.q[-1, joint] > limit - 0.02
-    assert record.metrics["task_error_final"] < 1e-4
+    assert record.metrics["task_error_final"] < 1e-3
+
+
+class Planar:
+    """A point of the plane in motion."""
+
+    def desired(self, t):
+        return np.array([0.9 + 0.1 * t, 0.1]), np.array([0.1, 0.0]), np.zeros(2), np.zeros(2)
+
+
+@pytest.mark.parametrize("law", ["whole-body-qp", "mpc"])
+def test_robot_without_limits_in_the_plane(law, youbot):
+    """No bound at all is a program, too."""
+    model, none = youbot.model.copy(), np.zeros(youbot.nq)
+    model.velocityLimit, model.effortLimit = none, none
+    model.lowerPositionLimit, model.upperPositionLimit = none - 1e9, none + 1e9
+    free = youbot.with_model(model)
+    assert np.isinf(free.limits.torque).all()
+    record = mm.simulate(free, law, Planar(), duration=1.0)
+    assert record.ok
+    errors = np.linalg.norm(record.task_error, axis=1)
+    assert errors[-1] < 0.1 * errors[0]
 
 
 def test_without_its_solver_the_law_is_listed_and_says_what_to_install(monkeypatch):
