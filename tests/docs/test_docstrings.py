@@ -9,6 +9,7 @@ import re
 import pytest
 
 import mobman as mm
+from mobman.robots import catalogue
 
 NAMES = [name for name in mm.__all__ if name != "__version__"]
 
@@ -38,6 +39,7 @@ def test_every_public_method_is_described():
 
 def test_examples_of_the_docstrings_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(catalogue, "_registered", {})  # what an example registers stays its own
     finder, failed, tried = doctest.DocTestFinder(), [], 0
     for name in ("", *NAMES):
         thing = getattr(mm, name) if name else mm
