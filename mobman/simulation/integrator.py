@@ -23,7 +23,7 @@ FARTHEST = 1e3
 
 
 class Divergence(IntEnum):
-    """Why a state counts as diverged."""
+    """Reasons why a state counts as diverged."""
 
     NO = 0
     STATE = 11
@@ -55,10 +55,10 @@ class _Step(NamedTuple):
     h: Vector
     """Its length (s), shape (1,)."""
     q: Vector
-    """Where a slope is taken."""
+    """State at which a slope is taken."""
     z: Vector
     q_0: Vector
-    """Where the step starts."""
+    """State at which the step starts."""
     z_0: Vector
     q_slopes: Matrix
     """Shape (4, nq)."""
@@ -162,7 +162,7 @@ class TickIntegrator:
         dt: float,
     ) -> None:
         steps = _steps_of(dt)
-        plant.require_followed(q0, dt / steps)
+        plant.follow_friction(q0, dt / steps)
         self._plant, self._actuation = plant, actuation
         self._state = RungeKutta(plant, q0, np.zeros(plant.robot.nz), dt / steps)
         split = actuation.split if actuation is not None else 0.0

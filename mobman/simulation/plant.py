@@ -24,6 +24,8 @@ from mobman.simulation.stops import Contact
 
 _LARGEST_DECAY = 2.5
 """Longest Runge-Kutta step, in time constants of the friction; it is stable to 2.78."""
+_SHORTEST_STEP = 2e-5
+"""Integration step (s) that steep friction may ask for: fifty a millisecond."""
 
 NOT_DEFINITE = 3
 """Status: the plant's inertia is not positive definite."""
@@ -38,7 +40,7 @@ class Forces(NamedTuple):
     B: Matrix
     v: Vector
     d: Vector
-    """What acts on the motors' axes besides v, D = -B d, shape (nz,)."""
+    """Sum of what acts on the motors' axes besides v, D = -B d, shape (nz,)."""
     z: Vector
     total: Vector
     """v + d, shape (nz,)."""
@@ -80,6 +82,7 @@ class Plant:
         self._external = d = np.zeros(robot.nz)
         self._friction, self._slip = friction, slip if robot.platform.base_joints else ()
         self._stops = stops
+        self._longest = math.inf
         if friction or stops:
             d = np.zeros(robot.nz)  # that of now: the external one less friction, and the stops'
         self.slips = bool(self._slip)
@@ -103,26 +106,33 @@ class Plant:
         return float(np.abs(rates).max())
 
     def longest_step(self, h: float) -> float:
-        """The longest integration step from the state on (s): h, or less where a joint is at a stop."""
+        """The longest integration step from the state on (s): h, or less where friction is steep, or a
+        joint at a stop."""
         now = self.now
         near = [part.step for part in self._stops if part.near(now.q, now.q_dot, h)]
-        return min(h, *near) if near else h
+        return min(h, self._longest, *near)
 
-    def require_followed(self, q: Array, h: float) -> None:
-        """
+    def follow_friction(self, q: Array, h: float) -> None:
+        """Take steps that follow the friction.
+
         Args:
             q: Where the run starts, shape (nq,).
             h: Length of an integration step (s).
 
         Raises:
-            SpecError: If friction is too steep to be integrated in steps of h.
+            SpecError: If friction is too steep to be integrated in steps that are worth their time.
         """
         decay = self.friction_decay(q)
-        if not decay * h <= _LARGEST_DECAY:
+        if decay * h <= _LARGEST_DECAY:
+            return
+        # inertias, and with them the decay, change on the way
+        self._longest = 0.5 * _LARGEST_DECAY / decay
+        if not self._longest >= _SHORTEST_STEP:
             raise SpecError(
                 f"friction slows a motion of {self.robot.name!r} at up to {decay:.3g} 1/s, which steps "
-                f"of {h:g} s cannot follow (at most {_LARGEST_DECAY / h:g} 1/s): make it weaker, or "
-                "the 'velocity' of Coulomb friction larger"
+                f"of {_SHORTEST_STEP:g} s cannot follow (at most "
+                f"{0.5 * _LARGEST_DECAY / _SHORTEST_STEP:g} 1/s): make it weaker, the 'velocity' of dry "
+                "friction larger, or the inertia of what it brakes what it is with its motor's"
             )
 
     @cached_property

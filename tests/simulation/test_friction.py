@@ -131,8 +131,29 @@ def test_all_axes_slow_as_the_exponential_under_friction_of_the_robots_own_inert
 
 def test_friction_too_steep_to_follow_is_refused(youbot):
     steep = Scenario(name="s", friction=[{"type": "coulomb", "torque": 1.0, "velocity": 1e-6}])
-    with pytest.raises(SpecError, match=r"friction slows .*'youbot'.* steps of 0.001 s"):
+    with pytest.raises(SpecError, match=r"friction slows .*'youbot'.* steps of 2e-05 s"):
         mm.simulate(youbot, "pseudo-inverse", "circle", duration=0.01, scenario=steep)
+
+
+def test_steep_friction_is_followed_in_shorter_steps(youbot):
+    """At the longest step and at a fifth of it, the same motion to the order of the method."""
+    friction = [{"type": "coulomb", "torque": 0.3, "velocity": 0.002}]
+    ends = []
+    for dt in (1e-3, 2e-4):
+        record = mm.simulate(
+            youbot,
+            Torque(lambda t: np.full(5, 0.5)),
+            "circle",
+            duration=0.05,
+            dt=dt,
+            scenario=Scenario(name="s", friction=friction),
+        )
+        assert record.ok
+        ends.append(record.q[-1])
+    plant = _plant(youbot, *friction)
+    assert plant.friction_decay(youbot.q_rest) > 2500.0
+    assert np.allclose(*ends, rtol=0.0, atol=1e-6)
+    assert not np.allclose(ends[0], youbot.q_rest, rtol=0.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("scenario", ["friction", "realistic"])
