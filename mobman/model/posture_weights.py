@@ -4,8 +4,9 @@ What grows with the way that is driven (x1, x2, wheel angles) must not pull: the
 until the posture folds. Where it does not, and the platform alone can take the tip along a path, F has
 its least, 0, all along it: the arm rests, g = 0, so that lam = 0, D(lam) = 0, and
 :math:`\mathcal N(H + D)\mathcal N^T` is the constant :math:`\mathcal N H\mathcal N^T`. A base that has
-more velocities than that takes (it can turn under the tip) must be held by the weight of its heading;
-one that has not need not be, and then the heading, which grows with the turns, should not pull either.
+more velocities than that takes (it can turn under the tip) must be held by the weight of its heading,
+as the arm is by its own; one that has not need not be, and then the heading, which grows with the turns,
+should not pull either.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from mobman.robots.spec import DRIVEN
 
 _TIP = 3  # rows of the tip's Jacobian: its position
 _RANK = 1e-9  # of the largest singular value
-_ENOUGH = 0.9  # of the best conditioning: what a larger weight of the heading must not gain
-_DECADES, _PER_DECADE = 4, 20  # below the arm's weight, where the heading's is looked for
+_ENOUGH = 0.9  # of the best conditioning: what a weight of the heading must not gain
+_DECADES, _PER_DECADE = 4, 5  # below the arm's weight, where the best is looked for
 
 
 def reduced_stiffness(robot: MobileManipulator, K_F: Array) -> Array:
@@ -47,22 +48,18 @@ def conditioning(robot: MobileManipulator, weights: Array) -> float:
 
 
 def heading_weight(robot: MobileManipulator) -> float:
-    """The least weight of the heading with nearly the best :func:`conditioning`, to two digits.
+    """The weight of the heading: none to speak of where that has nearly the best :func:`conditioning`,
+    else that of the arm's joints (their median).
 
-    The other weights are the robot's. Couplings are left out: what they are for, steering, stands still
-    while the heading turns.
+    With less of it than the arm has, J of (13) is small along the turns under the tip: lambda_min(J J^T)
+    of (22) falls with the square of the weight. The other weights are the robot's. Couplings are left
+    out: what they are for, steering, stands still while the heading turns.
     """
     heading = robot.joint_names.index(robot.platform.base_joints[-1])
     weights = robot.criterion_weights.copy()
-    largest = float(weights[robot.arm_index].max())
-    found = largest * np.logspace(-_DECADES, 0.0, _DECADES * _PER_DECADE + 1)
-    candidates = [DRIVEN, *(float(f"{weight:.2g}") for weight in found)]
+    arms = float(np.median(weights[robot.arm_index]))
     values = []
-    for candidate in candidates:
+    for candidate in (DRIVEN, *arms * np.logspace(-_DECADES, 0.0, _DECADES * _PER_DECADE + 1)):
         weights[heading] = candidate
         values.append(conditioning(robot, weights))
-    return next(
-        candidate
-        for candidate, value in zip(candidates, values, strict=True)
-        if value >= _ENOUGH * max(values)
-    )
+    return DRIVEN if values[0] >= _ENOUGH * max(values) else arms

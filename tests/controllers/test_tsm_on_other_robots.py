@@ -37,32 +37,10 @@ def test_gains_are_the_youbots_and_the_bounds_its_own(record):
     assert 0.0 < record.settings["a"] <= record.metrics["lambda_min"]
 
 
-# Their metric lambda_min is 1e-10 to 6e-9 (tiago_no_hand: 4e-6), with K_F = 1e-9 for what must not
-# pull. At 10 ms ridgeback_ur10 ends with 2.2e-5 m and the others' z grows without bound within 5 s.
-NEEDS_1_MS = {
-    *("lekiwi_so101", "ranger_xarm7", "ridgeback_panda", "ridgeback_ur10", "stretch"),
-    "youbot_mecanum",
-}
-
-
-PASSES_NEAR_A_SINGULARITY = pytest.mark.xfail(
-    reason="ranger_xarm7 passes near a singularity of J at 4.3 s and leaves the 1e-4 m until 5.09 s",
-    strict=False,
-)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=PASSES_NEAR_A_SINGULARITY) if name == "ranger_xarm7" else name
-        for name in mm.list_robots()
-    ],
-)
+@pytest.mark.parametrize("name", mm.list_robots())
 def test_every_robot_follows_the_circle(name):
-    """At 10 ms, or the laws' own 1 ms, for 6 s; the tip starts 0.1 m from the circle, or less in
-    front of a fixed arm."""
-    dt = 1e-3 if name in NEEDS_1_MS else 1e-2
-    record = mm.simulate(name, "tsm", "circle", duration=6.0, dt=dt)
+    """At 10 ms, for 6 s; the tip starts 0.1 m from the circle, or less in front of a fixed arm."""
+    record = mm.simulate(name, "tsm", "circle", duration=6.0, dt=1e-2)
     assert record.status == "ok"
     assert 0.01 < np.linalg.norm(record.task_error[0]) < 0.1 + 1e-9
     assert record.metrics["settling_time_1e-4"] <= 5.0

@@ -44,7 +44,7 @@ def measured(robot: mm.MobileManipulator, name: str, given: dict) -> dict:
         task = mm.make_task(name, robot, **given)
     except mm.MobmanError as error:
         return {"refused": type(error).__name__}
-    rows = [np.concatenate([np.atleast_2d(part) for part in task.desired(t)]) for t in TIMES]
+    rows = [task.desired(t) for t in TIMES]
     spans = {key: getattr(task, key, None) for key in ("period", "duration")}
     return {
         **{f"derivative {k}": np.array([row[k] for row in rows]) for k in range(4)},

@@ -387,12 +387,13 @@ def steering_couplings(
     Their weight is for runs that last. Where the arm goes round the default circle of area A while a
     car drives to and fro, steering by the share c of the arm's yaw turns it by c A / (reach wheelbase) a
     lap, and c is small. An arm whose reach is less than the circle's radius cannot: the car goes round.
+    Where the curvature of the path itself steers, it is the yaw over the reach: the platform goes round.
 
     Args:
         steering: Coordinates: 1.0 where positive angles turn to the left, else -1.0.
         chain: The arm.
         rest: Its posture, shape (n,).
-        wheelbase: From the axle to what steers (m); None where steering does not turn the platform.
+        wheelbase: From the axle to what steers (m); None where the coordinate is the path's curvature.
     """
     centres, axes, tip, _ = (values[0] for values in chain.places(rest[None]))
     weight = CriterionSource().default
@@ -400,15 +401,16 @@ def steering_couplings(
         yaws = not joint.prismatic and abs(axis[2]) >= _UPRIGHT
         reach = float(np.linalg.norm(tip[:2] - centre[:2]))
         if yaws and reach >= _LEVER_ARM:
-            if wheelbase is not None:
+            ratio = float(np.sign(axis[2]))
+            if wheelbase is None:
+                ratio = float(f"{ratio / reach:.2g}")
+            else:
                 share = _MOST_STEERED
                 if reach > _CIRCLE:
                     share = min(share, _TURN_A_LAP * reach * wheelbase / (math.pi * _CIRCLE**2))
                 weight = float(f"{weight * share / (1.0 - share):.2g}")
             return [
-                Coupling(
-                    joint=name, to=joint.name, ratio=sign * float(np.sign(axis[2])), weight=weight
-                )
+                Coupling(joint=name, to=joint.name, ratio=sign * ratio, weight=weight)
                 for name, sign in steering.items()
             ]
     return []

@@ -53,7 +53,7 @@ from mobman.robots.urdf.compose import TRAVEL_JOINTS
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, bounds
 
-_NO_DIRECTION = 0.001  # weight of a swerve platform's direction of travel
+_NO_CURVATURE = 0.001  # weight of the curvature of a swerve platform's path
 _AXES = ("y", "-y", "x", "-x", "z")  # of a root link, the likeliest first
 
 
@@ -169,8 +169,8 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         turning = {joint.name: float(np.sign(joint.axis[2])) for joint in drive.steering}
         ahead = drive.steering[0].centre[:2] - (0.0 if drive.centre is None else drive.centre[:2])
         wheelbase: float | None = abs(float(ahead @ drive.forward.direction))
-        if drive.wheels:  # a swerve platform's joints follow its direction of travel
-            turning, wheelbase = {TRAVEL_JOINTS[0]: 1.0}, None
+        if drive.wheels:  # a swerve platform's joints follow the curvature of its path
+            turning, wheelbase = {TRAVEL_JOINTS[1]: 1.0}, None
         couplings = steering_couplings(turning, chain, posture, wheelbase)
         if not couplings:
             uncertain.append(
@@ -339,8 +339,8 @@ def _weights(drive: Drive, arm: Arm) -> dict[str, Inferred]:
     found = {}
     default = CriterionSource().default
     if drive.wheels and drive.steering:
-        why = "small: the direction of travel follows the arm, and none is preferred"
-        found[TRAVEL_JOINTS[0]] = Inferred(_NO_DIRECTION, why)
+        why = "small: the curvature of the path follows the arm, and none is preferred"
+        found[TRAVEL_JOINTS[1]] = Inferred(_NO_CURVATURE, why)
     for joint in arm.joints:
         if joint.prismatic and 0.0 < joint.width < math.inf:
             why = f"default / ({joint.width:.3g} m)^2: its way"

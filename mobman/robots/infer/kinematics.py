@@ -195,7 +195,7 @@ class Tree:
         return self._shapes[link, use]
 
     def lacks(self, filename: str) -> str:
-        """Why a mesh of the URDF cannot be used, as many of manufacturers' URDFs; empty if it can."""
+        """Reason why a mesh of the URDF cannot be used, as many a manufacturer's; empty if it can."""
         return self._found[filename].problem
 
     @cached_property

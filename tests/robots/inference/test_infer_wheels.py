@@ -217,7 +217,7 @@ def test_modules_that_steer_and_roll_are_swerve(inferred, kind, named):
     assert len(found.fields["wheels"].value) == 8
     assert found.fields["wheel_radius"].value == pytest.approx(0.1)
     assert locked(found, "casters") == {"back_swivel", "back_wheel"}
-    assert [(one.joint, one.to) for one in found.couplings] == [("travel_direction", "arm_1_joint")]
+    assert [(one.joint, one.to) for one in found.couplings] == [("travel_curvature", "arm_1_joint")]
 
 
 def carriage(x: float) -> Robot:
