@@ -373,8 +373,8 @@ def kernel_files() -> list[Path]:
 
 @cache
 def unsafe() -> str:
-    """Why machine code cannot be kept, empty if it can: there is no such folder, or another user might
-    have written what is in it. Machine code is unpickled and run."""
+    """Reason why machine code cannot be kept, empty if it can: there is no such folder, or another
+    user might have written what is in it. Machine code is unpickled and run."""
     folder = kernel_folder().absolute()
     try:
         # for this user alone

@@ -1,4 +1,4 @@
-"""How objects show themselves: one line at a prompt, a table in a notebook."""
+"""Representations of objects: one line at a prompt, a table in a notebook."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mobman.printable import printable
 
 
 class Shown(NamedTuple):
-    """What is shown of an object; texts may be of other people."""
+    """Rows that are shown of an object; texts may be of other people."""
 
     line: str
     """The whole of it at a prompt."""

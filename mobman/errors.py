@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable, Sequence
 
 FOREIGN_ERRORS = (Exception, SystemExit)
-"""What code that is not mobman's may raise: a plugin or a user's class may call ``sys.exit``."""
+"""Exceptions of code that is not mobman's: a plugin or a user's class may call ``sys.exit``."""
 
 
 class MobmanError(Exception):

@@ -28,7 +28,7 @@ class Backend(ABC):
     ahead = 2
     """Jobs submitted for each that can be in progress, so that no worker waits for its next."""
     blames_exactly = True
-    """Whether work whose worker died is the only work that the worker had."""
+    """A worker has one piece of work at a time: what it died with is what it died of."""
     waits_for = "there are no workers"
     """Reason for which there are no slots."""
 

@@ -26,7 +26,7 @@ from mobman.toml_lines import Place, TomlLines
 from mobman.toml_model import at_lines
 
 MOST_RUNS = 100_000
-"""Of a group: what is held in memory of a suite, and listed, grows with them."""
+"""Runs of a group: what is held in memory of a suite, and listed, grows with them."""
 MOST_ENTRIES = 10_000
 
 T = TypeVar("T")
@@ -181,7 +181,7 @@ class _Plan(NamedTuple):
     label: str
     """The controller's name."""
     gains: Any
-    """Of the group and of overrides."""
+    """Gains of the group and of overrides."""
     seed: int
     duration: float
     dt: float

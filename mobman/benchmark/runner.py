@@ -261,7 +261,7 @@ class _Try:
     job: Job
     number: int = 1
     executor: int = 0
-    """Which of the backend's executors, one after the other, has it."""
+    """Number of the backend's executor that has it, in their order."""
 
 
 def results(

@@ -15,7 +15,7 @@ Positive = Annotated[float, Field(gt=0)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Names = Annotated[list[str], Field(min_length=1)]
 MOST_PLACEMENTS = 1000
-"""Of a suite; its tuning has those that follow after so many."""
+"""Placements of a suite; its tuning has those that follow after so many."""
 Placements = Annotated[int, Field(ge=1, le=MOST_PLACEMENTS)]
 
 
@@ -145,7 +145,7 @@ class Changes(Strict):
     """Settings that a part of a suite may have of its own; the suite's where they are not given."""
 
     duration: Positive | None = None
-    """Of each run (s)."""
+    """Duration of each run (s)."""
     dt: Positive | Annotated[list[Positive], Field(min_length=1)] | None = None
     """Sampling period (s), or several: each is a run."""
     seeds: Annotated[list[Seed], Field(min_length=1)] | None = None
@@ -199,12 +199,12 @@ class SuiteTables(Strict):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
     description: str = ""
     duration: Positive
-    """Of every run (s)."""
+    """Duration of every run (s)."""
     dt: Positive | Annotated[list[Positive], Field(min_length=1)] = 1e-3
     """Sampling period (s), or several: each is a run."""
     seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
     placements: Placements = 1
-    """How many starts, with the task placed at each: the robot's rest, and others that are drawn."""
+    """Number of starts, with the task placed at each: the robot's rest, and others that are drawn."""
     first_placement: Annotated[int, Field(ge=0, lt=2**31)] = 0
     """Number of the first of them; 0 is the robot's rest, with the task as it is given."""
     time_limit: Positive = 600.0
@@ -212,7 +212,7 @@ class SuiteTables(Strict):
     record_period: Positive = 5e-3
     """Time from one recorded sample to the next (s); metrics are always those of all ticks."""
     compression: int = Field(4, ge=0, le=9)
-    """Of the files, from 0, none, to 9."""
+    """Compression of the files, from 0, none, to 9."""
     controllers: dict[Label, ControllerEntry] = Field(min_length=1)
     tasks: dict[Label, TaskEntry] = {}
     """In addition to those that have names."""

@@ -91,7 +91,7 @@ class Result:
     content: bytes | None = None
     """Content of the record's file; None if there is no record, or the job is without."""
     again: bool = False
-    """Whether another try may well go better."""
+    """Another try may well go better."""
     fault: str = ""
     """Cause of a failure, if known: ``"gains"`` that the law refuses, or the ``"machine"``."""
     end: float = 0.0

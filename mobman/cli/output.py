@@ -44,7 +44,7 @@ def verbosity(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def level() -> int:
-    """How much the running command is to print: -1 errors alone, 0 as usual, 1 more."""
+    """Amount that the running command is to print: -1 errors alone, 0 as usual, 1 more."""
     context = click.get_current_context(silent=True)
     found: int = 0 if context is None else context.meta.get(_LEVEL, 0)
     return found

@@ -69,7 +69,7 @@ def _assigned(
 def _mounts(
     mounted: Sequence[str], carriers: Sequence[str], prefixes: Sequence[str]
 ) -> Iterator[tuple[str, str | None, str]]:
-    """What is mounted, its link (None: not said) and prefix."""
+    """The file that is mounted, its link (None: not said) and prefix."""
     if len(carriers) > len(mounted) or len(prefixes) > len(mounted):
         raise UsageError(
             f"--mount is given {len(mounted)} times, --on {len(carriers)} and --prefix "

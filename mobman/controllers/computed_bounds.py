@@ -60,7 +60,7 @@ BOUNDED = {
     "a": "below lambda_min(J J^T) (22)",
     "A": "below lambda_min(B B^T) (54)",
 }
-"""What each constant bounds, in words; w_3 to w_9 those of (53)."""
+"""The term that each constant bounds, in words; w_3 to w_9 those of (53)."""
 MARGIN = 0.1
 """By which bounds lie beyond the largest value found, as a part of it."""
 CONFIDENCE = 0.95
@@ -114,7 +114,7 @@ def computed_bounds(robot: MobileManipulator, task: Task) -> ComputedBounds:
         sign = -1.0 if name == "A" else 1.0
         still = name in ("w_7", "A")
         sampled[name], found[name] = region.extreme(term, sign, samples, still)
-    jacobians = _Jacobians(robot, task)
+    jacobians = _Derivatives(robot, task)
     regular = [sample for sample in samples if jacobians.exists(sample.q)]
     if not regular:
         raise SingularityError("J exists at none of the sampled states", "J")
@@ -159,7 +159,7 @@ def _exceeded(parameters: int, samples: int) -> float:
 
 
 class _Region:
-    """Where the local search may go: arm, heading and steering, and all directions of z."""
+    """Region of the local search: arm, heading and steering, and all directions of z."""
 
     def __init__(self, robot: MobileManipulator) -> None:
         self.robot = robot
@@ -281,7 +281,7 @@ class _Dynamics:
         return change / (2.0 * _STEP)
 
 
-class _Jacobians:
+class _Derivatives:
     """J of (13) under the posture criterion (12), and its derivatives with respect to q."""
 
     def __init__(self, robot: MobileManipulator, task: Task) -> None:
@@ -331,7 +331,7 @@ class _Jacobians:
 
 
 def _line(
-    robot: MobileManipulator, jacobians: _Jacobians, region: _Region, samples: Sequence[_Sample]
+    robot: MobileManipulator, jacobians: _Derivatives, region: _Region, samples: Sequence[_Sample]
 ) -> tuple[float, float]:
     """w_1 and w_2 of (21): the line over all norms found that is the least on average, w_1 and w_2
     not negative, with the margin."""

@@ -40,7 +40,7 @@ from mobman.model.metric import base_metric, unit_stiffness
 from mobman.model.mobile_manipulator import MobileManipulator
 
 _DAMPING = 1e-8
-"""Of the projector, over the mean eigenvalue of j_e Omega j_e^T. Where j_e loses rank the projector
+"""Damping of the projector, over a mean eigenvalue of j_e Omega j_e^T. Where j_e loses rank it
 stays finite; elsewhere the tip sees so small a part of y, which the sliding mode takes away."""
 
 

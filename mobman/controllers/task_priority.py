@@ -107,7 +107,7 @@ class TaskPriority(ResolvedAcceleration):
 
 
 class LimitAvoidance:
-    """How deep each joint of the arm is in the zone before its limit.
+    """Depth of each joint of the arm is in the zone before its limit.
 
     Args:
         robot: Has the limits.

@@ -55,7 +55,7 @@ class TipKinematics(NamedTuple):
     jacobian_rate: Array
     """d/dt of ``jacobian`` along q', shape (6, nq)."""
     rotation: Array
-    """Of the tip frame, shape (3, 3)."""
+    """Orientation of the tip frame, shape (3, 3)."""
     omega: Array
     """Angular velocity (rad/s), shape (3,)."""
 
@@ -77,15 +77,15 @@ class Limits(NamedTuple):
     """Bounds; inf where a URDF states none (0 or a very large number, by convention)."""
 
     lower: Array
-    """Of q (m, rad), shape (nq,)."""
+    """Least q (m, rad), shape (nq,)."""
     upper: Array
-    """Of q (m, rad), shape (nq,)."""
+    """Largest q (m, rad), shape (nq,)."""
     velocity: Array
-    """Of each entry of |z| alone (m/s, rad/s), shape (nz,)."""
+    """Largest entry of |z|, each alone (m/s, rad/s), shape (nz,)."""
     torque: Array
-    """Of each entry of |v| alone (N, N m), shape (nz,)."""
+    """Largest entry of |v|, each alone (N, N m), shape (nz,)."""
     joint_velocity: Array
-    """Of |q'| (m/s, rad/s), shape (nq,); inf for the platform's pose."""
+    """Largest |q'| (m/s, rad/s), shape (nq,); inf for the platform's pose."""
 
 
 @dataclass(frozen=True)

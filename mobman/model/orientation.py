@@ -47,7 +47,7 @@ class Turn(NamedTuple):
     """Orientation of the tip against the desired one, and work space; see :class:`OrientationError`."""
 
     R: Matrix
-    """Of the tip frame, shape (3, 3)."""
+    """Orientation of the tip frame, shape (3, 3)."""
     tip: Vector
     """The same as a unit quaternion (w, x, y, z), for a pose, shape (4,)."""
     omega: Matrix

@@ -137,7 +137,7 @@ def _record(run: Run) -> Record:
 
 
 def _labels(records: Sequence[Record]) -> list[str]:
-    """What the runs differ in, numbered where that is nothing."""
+    """Labels of what the runs differ in, numbered where that is nothing."""
     parts = [name for name in _NAMED_BY if len({getattr(r, name) for r in records}) > 1]
     parts = parts or ["controller"]
     names = [

@@ -73,7 +73,7 @@ class Growing(Amplitude):
     """
 
     time: float = Field(gt=0)
-    """When the amplitude is reached (s)."""
+    """Time at which the amplitude is reached (s)."""
     power: float = Field(1.0, ge=1)
     """At least 1, since D' has to be bounded at the start too."""
 

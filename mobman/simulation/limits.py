@@ -32,7 +32,7 @@ ALLOWED = {
 
 
 def position_excess(q: Array, limits: Limits) -> Array:
-    """How far each coordinate is beyond its limits (rad, m), 0 within; shape of q, (N, nq)."""
+    """Distance of each coordinate beyond its limits (rad, m), 0 within; shape of q, (N, nq)."""
     beyond: Array = np.maximum(limits.lower - q, q - limits.upper)
     return np.maximum(beyond, 0.0, out=beyond)
 

@@ -89,7 +89,7 @@ class Record(Displayed):
     urdf_sha256: str
     """Hash of the robot's URDF file."""
     created: str
-    """When, ISO 8601, UTC."""
+    """Time of the run, ISO 8601, UTC."""
     joint_names: list[str]
     """Names of the entries of q."""
     velocity_names: list[str]
@@ -102,7 +102,7 @@ class Record(Displayed):
     machine: dict[str, str] = field(default_factory=machine)
     """Processor, architecture and system that the run was made on."""
     singularity: dict[str, Any] = field(default_factory=dict)
-    """Of a run that is singular: ``matrix`` (J, J_e, j, M or B), ``time`` (s) from which its least
+    """Singularity that ended a run: ``matrix`` (J, J_e, j, M or B), ``time`` (s) from which its least
     singular value ``sigma_min`` was below ``bound``, the ``joint`` of the arm nearest to its limits, and
     how far inside these it was, ``margin`` (rad, m; negative: beyond). What is not known is left out."""
     tip_orientation: Array | None = field(default=None)

@@ -59,7 +59,7 @@ class RunSpec:
     robot: str
     """Name or file, as the suite has it."""
     robot_sha256: str = ""
-    """Of the robot's description and the files that this names, see :func:`fingerprint`."""
+    """Hash of the robot's description and the files that this names, see :func:`fingerprint`."""
     law: str
     """Registered name of the law; empty if it has none."""
     gains: Table
@@ -78,7 +78,7 @@ class RunSpec:
     family: str = ""
     """The scenario's label in the suite, which several have that are made from one grid."""
     seed: Annotated[int, Field(ge=0, lt=2**63)]
-    """Of all randomness."""
+    """Seed of all randomness."""
     duration: Number
     """s."""
     dt: Number
@@ -86,9 +86,9 @@ class RunSpec:
     record_period: Number = 0.0
     """Time from one sample in the file to the next (s)."""
     compression: int = 4
-    """Of the file, 0 to 9."""
+    """Compression of the file, 0 to 9."""
     code_sha256: str = ""
-    """Of the source of what is not mobman's own, see :func:`foreign_code_sha256`; empty if all is."""
+    """Hash of the source that is not mobman's own, see :func:`foreign_code_sha256`; empty if all is."""
     version: str = __version__
     """mobman's: another version may give other numbers."""
     q0: list[float] = Field(default_factory=list)
@@ -106,7 +106,7 @@ class RunSpec:
     plant_robot: Table = Field(default_factory=dict)
     """Description of a true robot that is another one."""
     plant_inertias: list[list[float]] = Field(default_factory=list)
-    """Of a true robot, for each joint: m, the centre of mass, and the inertia about it."""
+    """Inertia of a true robot, for each joint: m, the centre of mass, and the inertia about it."""
     plant_masses: list[float] = Field(default_factory=list)
     """True masses (kg)."""
     at_start: dict[str, dict[str, list[float]]] = Field(default_factory=dict)

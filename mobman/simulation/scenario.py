@@ -96,7 +96,7 @@ Number = Annotated[float, Field(strict=True)]
 
 
 MOST_PIECES = 100
-"""Of one kind in a scenario."""
+"""Pieces of one kind in a scenario."""
 
 
 class Scenario(Displayed, Strict):
@@ -141,7 +141,7 @@ class Scenario(Displayed, Strict):
     stops: list[StopSource] = Field([], max_length=MOST_PIECES)
     """Forces that keep joints from leaving their limits; they add up."""
     start_offset: Number = Field(0.0, ge=0)
-    """How far behind the start that the task is made for the platform stands (m), along its heading; a
+    """Distance of the platform behind the start that the task is made for (m), along its heading; a
     start that is given as ``q0`` counts as it is, and a robot that does not drive stays."""
 
     def __init__(self, **fields: Any) -> None:

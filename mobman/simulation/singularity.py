@@ -43,11 +43,11 @@ class Singularity:
     sigma_min: float
     """Least singular value; 0 where the sign of the determinant changed. NaN: not known."""
     bound: float
-    """What it must not fall below; NaN where the matrix could not be factorised at all."""
+    """Least value that is regular; NaN where the matrix could not be factorised at all."""
     joint: str = ""
     """The joint of the arm that is nearest to its limits; empty if none has any."""
     margin: float = math.nan
-    """How far it is inside (rad, m); negative: beyond."""
+    """Distance inside them (rad, m); negative: beyond."""
 
     def __str__(self) -> str:
         found = ""
@@ -241,7 +241,7 @@ class Prediction(Motion):
     """A motion that follows a task, and what ends it."""
 
     singular: Singularity | None
-    """Where the motion ends early."""
+    """Time and cause where the motion ends early."""
     bound: float
     """That of ``sigma``: the root of the bound of (22) that ``a = "auto"`` takes."""
     bound_tip: float

@@ -27,7 +27,7 @@ class Contact(NamedTuple):
     """Stops of one run, on the coordinates q."""
 
     lower: Array
-    """Where they are (rad, m), shape (nq,); -inf and inf where there is none."""
+    """Their places (rad, m), shape (nq,); -inf and inf where there is none."""
     upper: Array
     stiffness: Array
     """N m/rad, N/m; shape (nq,)."""

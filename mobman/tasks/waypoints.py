@@ -96,7 +96,7 @@ class Spline(KernelPath):
 
     @property
     def span(self) -> tuple[float, float]:
-        """When the path begins and ends (s)."""
+        """Times at which the path begins and ends (s)."""
         return (0.0, self.travel) if self.travel > 0.0 else (self.knots[0], self.knots[-1])
 
     @cached_property

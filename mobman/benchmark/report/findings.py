@@ -22,7 +22,7 @@ _PRICES = {
     "torque_peak": "largest torque",
 }
 _MOST_LINES = 10
-"""Of a summary, whatever the suite's size."""
+"""Lines of a summary, whatever the suite's size."""
 _FEW = 3  # robots and tasks that each get sentences of their own, as far as there is room
 _MOST_NAMES = 5  # scenario families, or controllers, that are named in a sentence
 

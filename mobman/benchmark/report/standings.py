@@ -30,7 +30,7 @@ EFFORTS = {
     "torque_energy": "integral of |v|² over the cell's least",
     "torque_variation": "total variation of v over the cell's least",
 }
-"""What precision is paid for with: metrics, and their names."""
+"""The price of precision: metrics, and their names."""
 MOST = 400
 """Cells that are all drawn; of more, a selection."""
 EACH = 12

@@ -23,13 +23,13 @@ class Body(Strict):
     """The fields of ``[platform.body]``; a type may add its own."""
 
     mass: float = Field(gt=0)
-    """Of everything but the wheels (kg)."""
+    """Mass of everything but the wheels (kg)."""
     size: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
     """Length, width and height of the body, a box (m)."""
     ground_clearance: float = Field(0.0, ge=0)
     """Height of the box's underside (m)."""
     centre: tuple[float, float] = (0.0, 0.0)
-    """Where the box's centre is, ahead and to the left of ``platform`` (m)."""
+    """Place of the box's centre, ahead and to the left of ``platform`` (m)."""
     centre_of_mass: tuple[float, float, float] | None = None
     """From ``platform`` (m); by default the box's centre."""
     inertia: tuple[PositiveFloat, PositiveFloat, PositiveFloat] | None = None
@@ -41,7 +41,7 @@ class WheeledBody(Body):
     """The same with wheels, all alike."""
 
     wheel_mass: float = Field(gt=0)
-    """Of one wheel (kg); a homogeneous cylinder."""
+    """Mass of one wheel (kg); a homogeneous cylinder."""
     wheel_width: float = Field(gt=0)
     """m."""
     wheel_velocity: float = Field(0.0, ge=0)

@@ -53,7 +53,7 @@ class CarBody(WheeledBody):
     steering_velocity: float = Field(0.0, ge=0)
     """Largest steering rate (rad/s); 0: not known."""
     knuckle_mass: float = Field(gt=0)
-    """Of one knuckle (kg)."""
+    """Mass of one knuckle (kg)."""
 
 
 class CarLikeParameters(Strict):

@@ -47,7 +47,7 @@ class CustomParameters(Strict):
     definition: str = Field(pattern=r"^.+:[A-Za-z_][A-Za-z0-9_]*$")
     """The class: ``"file.py:Class"``, relative to the TOML, or ``"package.module:Class"``."""
     options: dict[str, Any] = {}
-    """What it is called with, by name."""
+    """Arguments that it is called with, by name."""
 
 
 @runtime_checkable

@@ -182,7 +182,7 @@ class Omnidirectional(BodyFramePlatform):
 
 
 def _rolls_ahead(forward: Array) -> Array:
-    """Which wheels a positive rate rolls ahead, or to the left where that is neither."""
+    """Wheels that a positive rate rolls ahead, or to the left where that is neither."""
     x, y = forward[:, 0], forward[:, 1]
     result: Array = np.where(np.abs(x) > AXIS_TOLERANCE, x > 0.0, y > 0.0)
     return result

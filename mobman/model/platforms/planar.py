@@ -20,7 +20,7 @@ class PlanarParameters(Strict):
     centre: tuple[float, float] = (0.0, 0.0)
     """The reference point (x1, x2), on which the commands act, in the root link's frame (m)."""
     height: float = 0.0
-    """Of the root link's origin above the ground (m)."""
+    """Height of the root link's origin above the ground (m)."""
     heading: float = 0.0
     """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: Body | None = None

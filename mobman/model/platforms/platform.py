@@ -36,16 +36,16 @@ class Site(NamedTuple):
     tree: pin.Model
     """The robot with its root link at the world's origin; for reading where the wheels are."""
     origin: str
-    """What to call the description in messages."""
+    """Name of the description in messages."""
     folder: Path
-    """What relative paths in the description start from."""
+    """Folder that relative paths in the description start from."""
 
 
 class Arm(NamedTuple):
     """All joints that are not the platform's: those with a motor, and those that follow them."""
 
     joints: Index
-    """Where they are in q, increasing."""
+    """Their places in q, increasing."""
     column: Index
     """The number of the entry of y' that moves each."""
     ratio: Vector

@@ -62,13 +62,13 @@ class SwerveBody(WheeledBody):
     circle: float | None = Field(None, gt=0)
     """Modules on a circle: its radius (m)."""
     angles: list[float] = []
-    """Where on the circle they are, from forward, anticlockwise (rad)."""
+    """Their places on the circle, from forward, anticlockwise (rad)."""
     steering_velocity: float = Field(0.0, ge=0)
     """Largest steering rate (rad/s); 0: not known."""
     steering_effort: float = Field(0.0, ge=0)
     """Largest steering torque (N m); 0: not known."""
     module_mass: float = Field(gt=0)
-    """Of what a steering joint turns, without the wheel (kg)."""
+    """Mass of what a steering joint turns, without the wheel (kg)."""
 
 
 class SwerveParameters(Strict):

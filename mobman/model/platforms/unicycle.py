@@ -20,7 +20,7 @@ class UnicycleParameters(Strict):
     axle: tuple[float, float] = (0.0, 0.0)
     """The point that does not slip sideways, in the root link's frame (m)."""
     height: float = 0.0
-    """Of the root link's origin above the ground (m)."""
+    """Height of the root link's origin above the ground (m)."""
     reference_offset: float = 0.0
     """a (m): the reference point (x1, x2) lies so far ahead of that point."""
     heading: float = 0.0

@@ -15,9 +15,9 @@ from mobman.model.platforms.platform import Site
 from mobman.robots.urdf.compose import BASE_JOINTS
 
 AXIS_TOLERANCE = 1e-2
-"""How far an axis may be from where it should be (rad): angles such as 1.57 and 3.1 are rounded."""
+"""Tolerance of an axis (rad): angles such as 1.57 and 3.1 are rounded."""
 LENGTH_TOLERANCE = 5e-3
-"""How far centres may be from where they should be (m). The equations have them where they should be."""
+"""Tolerance of centres (m). The equations have them where they should be."""
 
 
 class JointPlace(NamedTuple):

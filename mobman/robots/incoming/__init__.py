@@ -1,1 +1,1 @@
-"""What users name as a robot's description, and how it becomes a URDF on disk."""
+"""Ways in for a robot's description, which becomes a URDF on disk."""

@@ -19,7 +19,7 @@ from mobman.robots.urdf.validate import NUMBERS, limit_of, numbers, shape_of
 BASE_JOINTS = ("base_x", "base_y", "base_theta")
 """The platform's pose: along the world's x and y (m), about its z (rad)."""
 TRAVEL_JOINTS = ("travel_direction", "travel_curvature")
-"""How a swerve platform travels: direction in its own axes (rad), curvature of its path (1/m)."""
+"""Coordinates of a swerve platform's travel: direction in its axes (rad), its path's curvature (1/m)."""
 
 _AXES = {"base_x": "1 0 0", "base_y": "0 1 0", "base_theta": "0 0 1"}
 _UNBOUNDED = {"lower": "-1e9", "upper": "1e9"}
