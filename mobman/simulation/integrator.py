@@ -164,7 +164,8 @@ class TickIntegrator:
         steps = _steps_of(dt)
         plant.follow_friction(q0, dt / steps)
         self._plant, self._actuation = plant, actuation
-        self._state = RungeKutta(plant, q0, np.zeros(plant.robot.nz), dt / steps)
+        own = plant.own_state(q0, dt / steps)
+        self._state = own or RungeKutta(plant, q0, np.zeros(plant.robot.nz), dt / steps)
         split = actuation.split if actuation is not None else 0.0
         self._first, self._second = (split * dt, (1.0 - split) * dt) if split else (dt, 0.0)
 

@@ -30,7 +30,7 @@ from mobman.model.orientation import (
 from mobman.model.task_map import TaskMap
 from mobman.simulation.actuation import ActuationChain
 from mobman.simulation.integrator import Divergence, TickIntegrator, divergence
-from mobman.simulation.plant import NOT_DEFINITE, Plant, accelerate, require_success
+from mobman.simulation.plant import NOT_DEFINITE, Plant, require_success
 from mobman.simulation.record_file import APPLIED, OWN_PLACES
 from mobman.simulation.sensors import Measurement
 from mobman.tasks.task import Task, task_entry
@@ -292,12 +292,12 @@ class Loop:
 
     def _signal_entries(self) -> list[Callable[[], None]]:
         """Entries that keep a row of each signal, where signals are overwritten in place."""
-        report = self._report
-        if report is None or not getattr(self.controller, "signals_in_place", False):
-            return []
-        self._report = None  # nothing is left to be done in Python
+        report, signals = self._report, self.plant.signals()
+        if report is not None and getattr(self.controller, "signals_in_place", False):
+            self._report = None  # nothing is left to be done in Python
+            signals = {**report(), **signals}
         found = []
-        for name, value in report().items():
+        for name, value in signals.items():
             rows = self.samples.rows_of_signal(name, value.shape)
             flat = (value.reshape(-1), 0, rows.reshape(len(rows), -1))
             found.append(bind(_keep_from, self._tick, *flat))
@@ -334,8 +334,7 @@ class Loop:
                 *(self._tick, now.q_dot, 1.0 / self.robot.limits.joint_velocity),
                 samples.velocity_ratio,
             ),
-            plant.dynamics,
-            bind(accelerate, plant.forces, self._z_dot, np.zeros(1)),
+            *plant.accelerations(self._z_dot),
         )
 
     def _evaluate_auxiliary(self) -> None:

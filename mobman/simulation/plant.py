@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.platforms.platform import Arm
 from mobman.simulation.disturbances import Torque
 from mobman.simulation.friction import Resistance
+from mobman.simulation.pieces import PACKAGE, Piece, Setting, Types
 from mobman.simulation.sensors import pose_index
 from mobman.simulation.slip import Slip
 from mobman.simulation.stops import Contact
@@ -135,6 +136,19 @@ class Plant:
                 "friction larger, or the inertia of what it brakes what it is with its motor's"
             )
 
+    def accelerations(self, z_dot: Array) -> list[Callable[[], Any]]:
+        """Entries that fill z' of the state and the torque, shape (nz,), after ``run_dynamics``."""
+        return [self.dynamics, bind(accelerate, self.forces, z_dot, np.zeros(1))]
+
+    def signals(self) -> dict[str, Array]:
+        """What a run records of the plant at every tick, by name; overwritten in place."""
+        return {}
+
+    def own_state(self, q: Array, h: float) -> Any:
+        """Its state at rest at q where it is not integrated by
+        :class:`mobman.simulation.integrator.RungeKutta`, with that class's interface; else None."""
+        return None
+
     @cached_property
     def dynamics(self) -> Callable[[], int]:
         """Fills M, its factor, bias, B and what friction there is, after the buffers' ``velocity`` and
@@ -186,6 +200,24 @@ class Plant:
         require_success(self.dynamics())
         accelerate(self.forces, self._z_dot, self._power)
         return self._z_dot.copy()
+
+
+MakePlant = Callable[..., Plant]
+"""Makes a plant, with the arguments of :class:`Plant`."""
+
+plants = Types("plant", PACKAGE, "mobman.plants")
+"""Types of plants; each starts as a :data:`MakePlant`."""
+
+
+class Ideal(Piece):
+    """Wheels that roll and do nothing else: (17), integrated by Runge-Kutta."""
+
+    def start(self, setting: Setting) -> MakePlant:
+        """See :class:`Piece`."""
+        return Plant
+
+
+plants.register("ideal", Ideal)
 
 
 def require_success(status: int) -> None:

@@ -5,12 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextvars import ContextVar
+from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from mobman.arrays import Array
 from mobman.display import Displayed, Shown, line_of
@@ -22,7 +31,7 @@ from mobman.simulation.estimators import estimators
 from mobman.simulation.friction import frictions
 from mobman.simulation.inertias import inertias, true_robot
 from mobman.simulation.pieces import Piece, Setting, Source, started
-from mobman.simulation.plant import Plant
+from mobman.simulation.plant import Plant, plants
 from mobman.simulation.sensors import Measurement, pose_index, sensors
 from mobman.simulation.slip import slips
 from mobman.simulation.stops import stops
@@ -77,18 +86,27 @@ class AccelerationSource(Source):
     group, what, kinds = "acceleration", "acceleration", estimators
 
 
-def _acceleration(value: Any) -> Any:
-    """An estimator of z' by name, if it needs no parameters, or as a table."""
-    if isinstance(value, AccelerationSource):
+class PlantSource(Source):
+    """A plant, with its parameters."""
+
+    group, what, kinds = "plant", "plant", plants
+
+
+S = TypeVar("S", bound=Source)
+
+
+def _single(kind: type[S], value: Any) -> S | str:
+    """A piece by the name of its type, if it needs no parameters, or as a table."""
+    if isinstance(value, kind):
         return value
     fields = {"type": value} if isinstance(value, str) else value
-    names = estimators.names()
+    names = kind.kinds.names()
     if not isinstance(fields, dict) or fields.get("type") not in names:
         choices = ", ".join(map(repr, names))
         raise ValueError(f"must be one of {choices}, or a table with such a 'type'")
     parameters = {name: given for name, given in fields.items() if name != "type"}
-    validate(estimators.get(fields["type"]), parameters, f"acceleration {fields['type']!r}")
-    source = AccelerationSource(**fields)
+    validate(kind.kinds.get(fields["type"]), parameters, f"{kind.what} {fields['type']!r}")
+    source = kind(**fields)
     return source if source.__pydantic_extra__ else source.type
 
 
@@ -134,12 +152,16 @@ class Scenario(Displayed, Strict):
     """From the commanded torque to the one that acts, in the order of the signal."""
     sensors: list[SensorSource] = Field([], max_length=MOST_PIECES)
     """Errors of q, z and z', in the order in which they happen."""
-    acceleration: Annotated[str | AccelerationSource, BeforeValidator(_acceleration)] = "exact"
+    acceleration: Annotated[
+        str | AccelerationSource, BeforeValidator(partial(_single, AccelerationSource))
+    ] = "exact"
     """Estimator of z': ``"exact"``, ``"backward-difference"``, or a table with a type."""
     slip: list[SlipSource] = Field([], max_length=MOST_PIECES)
     """Velocities of the platform's pose in addition to that of rolling; they add up."""
     stops: list[StopSource] = Field([], max_length=MOST_PIECES)
     """Forces that keep joints from leaving their limits; they add up."""
+    plant: Annotated[str | PlantSource, BeforeValidator(partial(_single, PlantSource))] = "ideal"
+    """``"ideal"``, where wheels roll by construction, or a table with a type."""
     start_offset: Number = Field(0.0, ge=0)
     """Distance of the platform behind the start that the task is made for (m), along its heading; a
     start that is given as ``q0`` counts as it is, and a robot that does not drive stays."""
@@ -174,6 +196,14 @@ class Scenario(Displayed, Strict):
             load_scenario(name)
         return names
 
+    @model_serializer(mode="wrap")
+    def _without_the_usual(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Scenarios, and with them the identity of runs, stay what they were without the field."""
+        fields: dict[str, Any] = plain(self)
+        if fields.get("plant") == "ideal":
+            del fields["plant"]
+        return fields
+
     def _shown(self) -> Shown:
         given = _given(self)
         line = line_of("Scenario", self.name, given)
@@ -190,12 +220,16 @@ class Scenario(Displayed, Strict):
             self.slip,
             self.stops,
         )
-        return [piece.kinds.get(piece.type) for piece in (*chain(*lists), self._estimator)]
+        singles = self._source(AccelerationSource, self.acceleration), self._plant
+        return [piece.kinds.get(piece.type) for piece in (*chain(*lists), *singles)]
+
+    @staticmethod
+    def _source(kind: type[S], own: S | str) -> S:
+        return kind(type=own) if isinstance(own, str) else own
 
     @property
-    def _estimator(self) -> AccelerationSource:
-        own = self.acceleration
-        return AccelerationSource(type=own) if isinstance(own, str) else own
+    def _plant(self) -> PlantSource:
+        return self._source(PlantSource, self.plant)
 
     # Parts of a run. Each takes its setting, and raises SpecError if a piece does not fit the robot.
 
@@ -238,20 +272,22 @@ class Scenario(Displayed, Strict):
 
         return total
 
-    def plant(self, setting: Setting, true: MobileManipulator) -> Plant:
+    def make_plant(self, setting: Setting, true: MobileManipulator) -> Plant:
         """The true robot under its disturbances, its friction and its slip.
 
         Args:
             setting: With the nominal robot, in whose inertia relative amplitudes are measured.
             true: The true robot.
         """
-        return Plant(
+        (make,) = self._started([self._plant], setting)
+        plant: Plant = make(
             true,
             self.disturbance(setting),
             self._started(self.friction, setting),
             self._started(self.slip, setting),
             self._started(self.stops, setting),
         )
+        return plant
 
     def actuation_chain(self, setting: Setting) -> ActuationChain | None:
         """The stages from the commanded torque to the one that acts; None if they are the same."""
@@ -260,7 +296,8 @@ class Scenario(Displayed, Strict):
 
     def measurement(self, setting: Setting) -> Measurement:
         """The measurement that the controller is given."""
-        (estimate,) = self._started([self._estimator], setting)
+        estimator = self._source(AccelerationSource, self.acceleration)
+        (estimate,) = self._started([estimator], setting)
         return Measurement(estimate, self._started(self.sensors, setting))
 
     def _started(self, sources: Sequence[Source], setting: Setting) -> list[Any]:

@@ -105,7 +105,7 @@ def simulate(
             controller=law,
             task=aim,
             task_map=_task_map(aim, robot),
-            plant=differences.plant(setting, true),
+            plant=differences.make_plant(setting, true),
             measurement=differences.measurement(setting),
             actuation=differences.actuation_chain(setting),
             q0=start,

@@ -47,7 +47,8 @@ def test_scenario_means_something_on_every_robot(nominal, scenario):
     if scenario == "urdf-friction":
         idle = not np.any(model.damping) and not np.any(model.upperDryFrictionLimit)
     assert same == idle or scenario in ("saturated", "real-limits")
-    assert found.metrics["energy_residual"] < 1e-6
+    # on the ground, tyres and friction take energy
+    assert found.metrics["energy_residual"] < 1e-6 or scenario == "contact"
 
 
 @pytest.mark.parametrize("name", ["youbot", "tiago_no_hand"])

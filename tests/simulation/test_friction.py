@@ -22,7 +22,7 @@ BOTH = [
 
 def _plant(robot, *friction, disturbances=()):
     scenario = Scenario(name="s", friction=list(friction), disturbances=list(disturbances))
-    return scenario.plant(setting(robot), robot)
+    return scenario.make_plant(setting(robot), robot)
 
 
 def _torque(robot, q, z, plant):
@@ -159,7 +159,7 @@ def test_steep_friction_is_followed_in_shorter_steps(youbot):
 @pytest.mark.parametrize("scenario", ["friction", "realistic"])
 def test_shipped_friction_can_be_followed_by_every_robot(robot, scenario):
     loaded = mm.load_scenario(scenario)
-    plant = loaded.plant(setting(robot), loaded.true_robot(setting(robot)))
+    plant = loaded.make_plant(setting(robot), loaded.true_robot(setting(robot)))
     assert 0.0 < plant.friction_decay(robot.q_rest) < 1000.0  # of 2500 at 1 ms
 
 

@@ -24,6 +24,7 @@ from mobman.model.platforms.body import (
 )
 from mobman.model.platforms.platform import (
     Equations,
+    Gear,
     Platform,
     Site,
     Wheel,
@@ -128,6 +129,10 @@ class CarLike(Platform):
         n = len(steering)
         turning = (1.0,) * n if steering_signs is None else steering_signs
         rolling = (1.0,) * len(wheels) if signs is None else signs
+        self.geared = tuple(
+            Gear(joint, steering[0], sign * turning[0])
+            for joint, sign in zip(steering[1:], turning[1:], strict=True)
+        )
         self._equations = Equations(
             np.array([radius, half_track, wheelbase, n, len(front), *turning, *rolling]),
             _velocity_map,

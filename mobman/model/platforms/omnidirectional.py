@@ -100,6 +100,7 @@ class Omnidirectional(BodyFramePlatform):
     ) -> None:
         self.radius = R = radius
         along = np.einsum("ij,ij->i", rollers, forward)
+        across = forward[:, 0] * rollers[:, 1] - forward[:, 1] * rollers[:, 0]
         turning = positions[:, 0] * rollers[:, 1] - positions[:, 1] * rollers[:, 0]
         rows = np.column_stack([rollers, turning])
         self.wheel_map = rows / (R * along[:, None])
@@ -113,7 +114,10 @@ class Omnidirectional(BodyFramePlatform):
             np.vstack([np.zeros((3, 3)), shares]),
             root_offset=root_offset,
             heading=heading,
-            wheels=tuple(Wheel(joint, R) for joint in joints),
+            wheels=tuple(
+                Wheel(joint, R, float(angle))
+                for joint, angle in zip(joints, np.arctan2(across, along), strict=True)
+            ),
         )
 
     @classmethod

@@ -26,6 +26,19 @@ class Wheel(NamedTuple):
     """Its joint, one of the platform's coordinates."""
     radius: float
     """m."""
+    roller: float | None = None
+    """With rollers: the angle from where a positive rate rolls it to the axis of the roller that touches
+    the ground, seen from above, anticlockwise (rad)."""
+
+
+class Gear(NamedTuple):
+    """Two of a platform's joints that gears, a belt or a rod couple."""
+
+    joint: str
+    of: str
+    """The joint that it turns with."""
+    ratio: float
+    """Its rate over that joint's."""
 
 
 class Site(NamedTuple):
@@ -124,6 +137,10 @@ class Platform(ABC):
     those unless it gives them weights."""
     wheels: tuple[Wheel, ...] = ()
     """The wheels among the coordinates."""
+    geared: tuple[Gear, ...] = ()
+    """Joints that turn together without the ground's help."""
+    skids: bool = False
+    """True if the wheels slip sideways whenever it turns, which its equations say nothing of."""
     inferred: tuple[str, ...] = ()
     """The fields of ``[platform]`` that ``mobman robots add`` is to find in a URDF for a type of the
     user's own: of ``heading``, ``right_wheel`` and ``left_wheel`` (or both with ``rear_`` in front),

@@ -19,7 +19,7 @@ from mobman.model.platforms.body import (
     required_body,
 )
 from mobman.model.platforms.body_frame import BodyFramePlatform
-from mobman.model.platforms.platform import Site, Wheel, platforms
+from mobman.model.platforms.platform import Gear, Site, Wheel, platforms
 from mobman.model.platforms.wheels import sides, wheel_place
 from mobman.toml_model import Strict, validate
 
@@ -90,6 +90,7 @@ class SkidSteer(BodyFramePlatform):
         R, W, a = radius, half_track, offset
         A_b, N_b, B_b = np.zeros((1 + w, 3 + w)), np.zeros((3 + w, 2)), np.zeros((3 + w, 2))
         A_b[0, :3] = 0.0, -1.0, a
+        geared = []
         for j, (first, count, side) in enumerate(
             ((0, len(right), 1.0), (len(right), len(left), -1.0))
         ):
@@ -101,6 +102,8 @@ class SkidSteer(BodyFramePlatform):
                 A_b[1 + i, :3] = 1.0, 0.0, side * W
                 A_b[1 + i, 3 + i] = -R * signs[i]
                 N_b[3 + i, j] = signs[i] * forward
+                if i != first:
+                    geared.append(Gear(joints[i], joints[first], signs[i] * forward))
         super().__init__(
             joints,
             ("alpha_1", "alpha_2"),
@@ -111,6 +114,7 @@ class SkidSteer(BodyFramePlatform):
             heading=heading,
             wheels=tuple(Wheel(joint, R) for joint in joints),
         )
+        self.geared, self.skids = tuple(geared), True
 
     @classmethod
     def build(cls, site: Site) -> SkidSteer:

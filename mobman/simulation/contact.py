@@ -1,0 +1,513 @@
+"""The robot on wheels that touch the ground, by MuJoCo: they may slip, lift off, and be compressed."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+from collections.abc import Callable
+from functools import cached_property, partial
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from mobman.arrays import Array
+from mobman.compiled import bind, sequence
+from mobman.errors import SpecError, UsageError
+from mobman.linalg import apply_transpose
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.simulation.mjcf import BASE, TIP, Bump, Ground, feet_of, mjcf, principal, set_tyres
+from mobman.simulation.pieces import Piece, Setting
+from mobman.simulation.plant import MakePlant, Plant, plants
+from mobman.toml_model import Strict
+
+_LESSER = 1e-4  # weight of the rates that tell of z only what the others leave open
+_RUNAWAY = 1e5  # rad/s, m/s, and a thousandth of the accelerations: beyond it nothing is integrated
+_SETTLED, _MOST_SETTLING = 1e-9, 20_000  # m/s, rad/s; steps
+_HELD = 1e9  # kg m^2, kg: added to the joints while the tyres take the load
+_SERVO = 200.0  # rad/s, of the drives that keep modules at their angles
+
+
+class Patch(Strict):
+    """A round patch of other friction."""
+
+    ahead: float = 0.0
+    """Of where the platform starts, along its heading (m)."""
+    left: float = 0.0
+    """The same to the left (m)."""
+    radius: float = Field(gt=0)
+    """m."""
+    friction: float = Field(ge=0)
+
+
+class Ridge(Strict):
+    """A ridge across the way."""
+
+    ahead: float
+    """Of where the platform starts, along its heading (m)."""
+    angle: float = 0.0
+    """Between the heading there and the direction in which the ridge is crossed (rad)."""
+    height: float = Field(gt=0)
+    """m."""
+    width: float = Field(0.1, gt=0)
+    """On the ground (m)."""
+
+
+class MuJoCo(Piece):
+    """The robot as a MuJoCo model whose wheels roll by friction, on springs and dampers.
+
+    q is the measured pose, the wheels' and the joints' angles; z is what of the motion the platform's
+    C can express, by least squares. What the constraints forbid is not impossible here: it is slip,
+    which is recorded, as are forces and what lifts off.
+    """
+
+    friction: float = Field(0.8, ge=0)
+    """Coulomb's coefficient of tyre and ground."""
+    deflection: float = Field(1e-4, gt=0)
+    """Compression of the tyres under the static load (m): their stiffness is load over deflection."""
+    damping: float = Field(1.0, gt=0)
+    """Damping ratio of the tyres: 1 is critical for the whole mass on them."""
+    impedance: float = Field(0.95, gt=0, lt=1)
+    """MuJoCo's d of the contacts: that share of what a sudden force would do is taken up at once, as by
+    an inertance beside the spring; 0 leaves spring and damper alone."""
+    creep: float = Field(1e-4, gt=0)
+    """Slip per friction over the static load (m/s)."""
+    slope: float = Field(0.0, gt=-1.2, lt=1.2)
+    """Of the ground (rad); the task is in the ground's axes, and the controller knows nothing of it."""
+    uphill: float = 0.0
+    """Direction in which it rises, from the world's x axis (rad)."""
+    patches: list[Patch] = Field([], max_length=100)
+    """Ground of other friction; the first that a wheel is on counts."""
+    bumps: list[Ridge] = Field([], max_length=100)
+    """Ridges."""
+    supports: float = Field(0.2, gt=0)
+    """Stiffness of the supports of a platform on one axle over that of its wheels: the softer, the more
+    of the load is on the wheels."""
+    scrub: bool = False
+    """Wheels of skid-steered platforms have friction sideways, too, and where they are; the effective
+    track is then what the ground makes of it."""
+    velocity: Literal["pose", "wheels"] = "pose"
+    """What tells z: the rates of the platform's pose, or those of its wheels, which slip; each tells
+    what the other leaves open."""
+    step: float = Field(2.5e-4, ge=1e-6, le=1e-3)
+    """Longest integration step (s)."""
+
+    def start(self, setting: Setting) -> MakePlant:
+        """See :class:`Piece`.
+
+        Raises:
+            UsageError: If MuJoCo is not installed.
+        """
+        if importlib.util.find_spec("mujoco") is None:
+            raise UsageError(
+                "the plant 'mujoco' needs MuJoCo; install it: pip install 'mobman[mujoco]'"
+            )
+        return partial(ContactPlant, self)
+
+
+class Recorded(NamedTuple):
+    """What a run records of the ground, by wheel: at a tick, of the step before."""
+
+    normal: Array
+    """Normal force (N)."""
+    friction: Array
+    """Friction (N)."""
+    slip: Array
+    """Speed over the ground of the point that touches it, where friction acts (m/s)."""
+    lift: Array
+    """Gap between wheel and ground (m)."""
+    base: Array
+    """Height (m), roll and pitch (rad) of the platform's frame."""
+    tip: Array
+    """Position of the tip, with what the platform tilts and sinks (m)."""
+
+
+class ContactPlant(Plant):
+    """The plant on the ground; see :class:`MuJoCo` and :class:`Plant`.
+
+    It is the state as well, with the interface of :class:`mobman.simulation.integrator.RungeKutta`,
+    once :meth:`own_state` put it where a run starts.
+
+    Attributes:
+        recorded: What :meth:`look` found of the ground.
+        h: Length of the next step (s), shape (1,).
+        work: Integral of z^T (B v - D) since the start (J), shape (1,).
+
+    Raises:
+        SpecError: If the scenario has slip of its own, or the platform is none that can stand.
+    """
+
+    def __init__(self, given: MuJoCo, robot: MobileManipulator, *parts: Any) -> None:
+        super().__init__(robot, *parts)
+        if self._slip:
+            raise SpecError(
+                "field 'slip' is for the ideal plant: wheels in contact slip by themselves"
+            )
+        self.slips = bool(robot.platform.base_joints)
+        self.q_dot = np.zeros(robot.nq)
+        self._mj = importlib.import_module("mujoco")
+        self._given, self._z_dot = given, np.zeros(robot.nz)
+        self._feet = feet_of(robot, given.scrub)
+        self._wheels = [foot for foot in self._feet if foot.friction]
+        n = len(self._wheels)
+        normal, friction, slip, lift = (np.zeros(n) for _ in range(4))
+        self.recorded = Recorded(normal, friction, slip, lift, np.zeros(3), np.zeros(3))
+        self.h, self.work = np.zeros(1), np.zeros(1)
+
+    @cached_property
+    def motion(self) -> Callable[[], int]:
+        """See :class:`Plant`: q' is there."""
+        return sequence()
+
+    def accelerations(self, z_dot: Array) -> list[Callable[[], Any]]:
+        """See :class:`Plant`: the mean z' over the last step."""
+        return [self.look, partial(np.copyto, z_dot, self._z_dot)]
+
+    def longest_step(self, h: float) -> float:
+        """See :class:`Plant`."""
+        return min(super().longest_step(h), self._given.step)
+
+    def signals(self) -> dict[str, Array]:
+        """See :class:`Plant`."""
+        recorded = self.recorded._asdict() if self._feet else {}
+        return {f"contact/{name}": value for name, value in recorded.items() if len(value)}
+
+    def own_state(self, q: Array, h: float) -> ContactPlant:
+        """See :class:`Plant`: itself, at rest on its tyres."""
+        robot, given, now = self.robot, self._given, self.now
+        self.h[0] = h
+        self._place(q)
+        ground = self._ground()
+        xml = mjcf(robot, self._feet, ground, min(h, given.step))
+        self._model, self._data = make_model(robot, xml)
+        if self._feet:
+            set_tyres(self._model, pin.computeTotalMass(robot.model), self._feet, ground)
+        self._index()
+        now.q[:], now.z[:] = q, 0.0
+        self._resist = self._resistances()
+        self._settle(q)
+        self._measure()
+        return self
+
+    # Making the model ----------------------------------------------------------------------------
+
+    def _place(self, q: Array) -> None:
+        """Where the platform starts, which patches and bumps are placed by."""
+        robot = self.robot
+        self._pose = [robot.joint_names.index(name) for name in robot.platform.base_joints]
+        self._origin, self._heading = np.zeros(2), 0.0
+        if self._pose:
+            self._origin = q[self._pose[:2]].copy()
+            self._heading = float(q[self._pose[2]])
+
+    def _spot(self, ahead: float, left: float) -> Array:
+        c, s = math.cos(self._heading), math.sin(self._heading)
+        place: Array = self._origin + np.array([c * ahead - s * left, s * ahead + c * left])
+        return place
+
+    def _ground(self) -> Ground:
+        given = self._given
+        g = float(np.linalg.norm(self.robot.model.gravity.linear))
+        c, s = math.cos(given.slope), math.sin(given.slope)
+        downhill = -s * np.array([math.cos(given.uphill), math.sin(given.uphill)])
+        bumps = [
+            Bump(self._spot(one.ahead, 0.0), self._heading + one.angle, one.height, one.width)
+            for one in given.bumps
+        ]
+        self._patches = [
+            (self._spot(one.ahead, one.left), one.radius**2, max(one.friction, 1e-5))
+            for one in given.patches
+        ]
+        gravity = g * np.array([*downhill, -c])
+        return Ground(
+            *(given.friction, gravity, given.deflection, given.damping),
+            *(given.impedance, given.creep, given.supports, bumps),
+        )
+
+    def _index(self) -> None:
+        """Where MuJoCo has the coordinates of q, and which rates tell alpha."""
+        robot, platform = self.robot, self.robot.platform
+        skipped = {*robot.platform.base_joints, *robot.platform.virtual_joints}
+        own = [i for i, name in enumerate(robot.joint_names) if name not in skipped]
+        joints = [self._model.joint(robot.joint_names[i]) for i in own]
+        self._own = np.array(own, dtype=int)
+        self._at = np.array([joint.qposadr[0] for joint in joints], dtype=int)
+        self._dof = np.array([joint.dofadr[0] for joint in joints], dtype=int)
+        self._base_dof = self._base_at = -1
+        if self._pose:
+            base = self._model.joint(BASE)
+            self._base_at, self._base_dof = int(base.qposadr[0]), int(base.dofadr[0])
+            self._base_body = int(self._model.body(BASE).id)
+        self._tip = int(self._model.site(TIP).id)
+        self._geoms = [self._model.geom(foot.name).id for foot in self._wheels]
+        self._number = {geom: i for i, geom in enumerate(self._geoms)}
+        self._edited = bool(self._patches) or any(foot.directed for foot in self._wheels)
+        places = robot.joint_names.index
+        self._virtual = [places(name) for name in platform.virtual_joints]
+        self._following = [places(name) for name in platform.following]
+        told_not = {*self._pose, *self._virtual}
+        others = [i for i in robot.platform_index if i not in told_not]
+        by_pose = self._given.velocity == "pose" or not others
+        first, second = (self._pose, others) if by_pose else (others, self._pose)
+        self._told = np.array([*first, *second], dtype=int)
+        self._weights = np.array([1.0] * len(first) + [_LESSER] * len(second))
+
+    def _settle(self, q: Array) -> None:
+        """Put the robot where q says and let it sink until the tyres carry it, its joints held."""
+        model, data = self._model, self._data
+        data.qpos[self._at] = q[self._own]
+        if not self._pose:
+            return
+        at, dof = self._base_at, self._base_dof
+        x, y, theta = q[self._pose]
+        data.qpos[at : at + 7] = x, y, 0.0, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
+        held = [*self._dof, dof, dof + 1, dof + 5]
+        armature, edited = model.dof_armature.copy(), self._edited
+        model.dof_armature[held], self._edited = _HELD, False
+        for count in range(_MOST_SETTLING):
+            self._integrate(np.zeros(model.nv))
+            data.qvel[held] = 0.0
+            if count > 10 and np.abs(data.qvel).max() < _SETTLED:
+                break
+        data.qpos[self._at], data.qpos[at : at + 2] = q[self._own], (x, y)
+        model.dof_armature[:], self._edited = armature, edited
+        data.qvel[:] = 0.0
+        data.qacc_warmstart[:] = 0.0
+        data.time = 0.0
+        if np.abs(data.qpos[at + 4 : at + 6]).max() > 0.25:
+            raise SpecError(
+                f"robot {self.robot.name!r} falls over where it starts: its centre of mass is not "
+                "between its wheels"
+            )
+        self._mj.mj_fwdPosition(model, data)
+
+    # Steps ---------------------------------------------------------------------------------------
+
+    def evaluate(self, t: float) -> None:
+        """See :class:`RungeKutta`: nothing is to be done before a step."""
+
+    def step(self, t: float) -> None:
+        """Go on from t to t + h under the plant's torque."""
+        data, now = self._data, self.now
+        self._model.opt.timestep = h = float(self.h[0])
+        if self.disturbed:
+            self.disturb(t)
+        total = self.forces.total
+        if self._resist is not None:
+            self._resist()
+        np.add(self.v, self.forces.d, out=total)
+        force = self._generalised(total)
+        if not (
+            np.abs(data.qvel).max(initial=0.0) < _RUNAWAY
+            and np.abs(force).max(initial=0.0) < 1e3 * _RUNAWAY
+        ):
+            now.q[:] = np.nan  # diverged
+            return
+        before = now.z.copy()
+        power = float(force @ data.qvel)
+        self._integrate(force)
+        self.work[0] += 0.5 * h * (power + float(force @ data.qvel))
+        self._measure()
+        np.subtract(now.z, before, out=self._z_dot)
+        self._z_dot /= h
+
+    def _resistances(self) -> Callable[[], int] | None:
+        """What fills the torques of friction and stops at a state; None if there are neither."""
+        now = self.now
+        if not self._friction and not self._stops:
+            return None
+        d, rate = self.forces.d, np.zeros(self.robot.nz)
+        return sequence(
+            now.run_inertia,
+            now.inertia,
+            bind(apply_transpose, now.B, now.z, rate),
+            partial(np.copyto, d, self._external),
+            *(part.entry(rate, d) for part in self._friction),
+            *(part.entry(now, d) for part in self._stops),
+        )
+
+    def _generalised(self, total: Array) -> Array:
+        """Forces on MuJoCo's degrees of freedom from those on the motors' axes."""
+        robot, now, data = self.robot, self.now, self._data
+        force, of_q = np.zeros(self._model.nv), np.zeros(robot.nq)
+        of_q[robot.platform_index] = now.platform_B @ total[: robot.n_alpha]
+        of_q[robot.arm_index] = total[robot.n_alpha :]
+        if self._virtual:
+            self._hold_modules(of_q)
+        force[self._dof] = of_q[self._own]
+        if self._pose:
+            x, y, theta = self._pose
+            dof, rows = self._base_dof, data.xmat[self._base_body].reshape(3, 3)
+            force[dof], force[dof + 1] = of_q[x], of_q[y]
+            force[dof + 3 : dof + 6] = of_q[theta] * rows[2]
+        return force
+
+    def _hold_modules(self, force: Array) -> None:
+        """Torques of the drives that keep the modules at the angles which the others ask for: the
+        constraint of the model that no ground enforces."""
+        robot, now, data, model = self.robot, self.now, self._data, self._model
+        wanted = robot.consistent(now.q)
+        rates = now.C @ now.z
+        for i in self._following:
+            dof = self._dof[np.flatnonzero(self._own == i)[0]]
+            inertia = 1.0 / model.dof_invweight0[dof]
+            away, faster = wanted[i] - now.q[i], rates[i] - data.qvel[dof]
+            force[i] += inertia * _SERVO * (_SERVO * away + 2.0 * faster)
+
+    def _integrate(self, force: Array) -> None:
+        """A step of MuJoCo; as mj_step, but that contacts may be changed before they act, and that
+        nothing is reset or printed where a state runs away."""
+        mj, model, data = self._mj, self._model, self._data
+        data.qfrc_applied[:] = force
+        mj.mj_fwdPosition(model, data)
+        if self._edited and data.ncon:
+            self._edit()
+            mj.mj_makeConstraint(model, data)
+            mj.mj_projectConstraint(model, data)
+        mj.mj_fwdVelocity(model, data)
+        mj.mj_fwdActuation(model, data)
+        mj.mj_fwdAcceleration(model, data)
+        mj.mj_fwdConstraint(model, data)
+        mj.mj_Euler(model, data)
+
+    def _edit(self) -> None:
+        """Turn the contacts of rollers to these, and change the friction on patches."""
+        for contact in self._data.contact:
+            i = self._number.get(int(contact.geom2))
+            if i is None:
+                continue
+            foot = self._wheels[i]
+            if foot.directed:
+                normal = contact.frame[:3]
+                along = self._direction(i)
+                along -= (along @ normal) * normal
+                along /= np.linalg.norm(along)
+                contact.frame[3:6] = along
+                contact.frame[6:9] = np.cross(normal, along)
+            for centre, square, friction in self._patches:
+                away = contact.pos[:2] - centre
+                if away @ away < square:
+                    across = contact.friction[1] / contact.friction[0]
+                    contact.friction[0] = friction
+                    contact.friction[1] = max(across * friction, 1e-5)
+                    break
+
+    def _direction(self, i: int) -> Array:
+        """The direction in which a foot with rollers has friction, in world axes."""
+        foot, geom = self._wheels[i], self._geoms[i]
+        body = self._model.geom_bodyid[geom]
+        axis: Array = self._data.xmat[body].reshape(3, 3) @ foot.axis
+        if foot.name != foot.joint:  # it does not turn
+            return axis
+        angle = foot.roller or 0.0
+        c, s = math.cos(angle), math.sin(angle)
+        ahead = np.array([axis[1], -axis[0], 0.0])  # axis x z
+        return np.array([c * ahead[0] - s * ahead[1], s * ahead[0] + c * ahead[1], 0.0])
+
+    # Measurement ---------------------------------------------------------------------------------
+
+    def _measure(self) -> None:
+        """(q, z) and the true q' of MuJoCo's state."""
+        robot, now, data, q_dot = self.robot, self.now, self._data, self.q_dot
+        now.q[self._own] = data.qpos[self._at]
+        q_dot[self._own] = data.qvel[self._dof]
+        if self._pose:
+            at, dof = self._base_at, self._base_dof
+            w, x, y, z = data.qpos[at + 3 : at + 7]
+            yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+            theta = self._pose[2]
+            now.q[self._pose[:2]] = data.qpos[at : at + 2]
+            now.q[theta] += math.remainder(yaw - now.q[theta], math.tau)
+            q_dot[self._pose[:2]] = data.qvel[dof : dof + 2]
+            turning = data.qvel[dof + 3 : dof + 6]
+            q_dot[theta] = (
+                2.0 * (x * z - w * y) * turning[0]
+                + 2.0 * (y * z + w * x) * turning[1]
+                + (1.0 - 2.0 * (x * x + y * y)) * turning[2]
+            )
+        now.velocity()
+        if self._virtual:
+            self._find_virtual()
+        n = robot.n_alpha
+        now.z[n:] = q_dot[robot.arm_index]
+        if n:
+            rows, weights = self._told, self._weights
+            now.z[:n] = np.linalg.lstsq(
+                weights[:, None] * now.C[rows, :n], weights * q_dot[rows], rcond=None
+            )[0]
+        now.velocity()
+        if self._virtual:
+            q_dot[self._virtual] = now.q_dot[self._virtual]
+
+    def _find_virtual(self) -> None:
+        """The coordinates that no joint has, from those that follow them, by Gauss and Newton."""
+        robot, now = self.robot, self.now
+        followers, virtual = self._following, self._virtual
+        for _ in range(3):
+            away = (now.q - robot.consistent(now.q))[followers]
+            c = now.C[:, : robot.n_alpha]
+            change = np.linalg.lstsq(c[followers], away, rcond=None)[0]
+            now.q[virtual] += c[virtual] @ change
+            now.velocity()
+
+    def look(self) -> None:
+        """Fill what is recorded of the ground."""
+        data, model, recorded = self._data, self._model, self.recorded
+        if not self._pose:
+            return
+        mj = self._mj
+        recorded.normal[:] = recorded.friction[:] = recorded.slip[:] = 0.0
+        recorded.lift[:] = np.inf
+        force, twist = np.zeros(6), np.zeros(6)
+        for k in range(data.ncon):
+            contact = data.contact[k]
+            i = self._number.get(int(contact.geom2))
+            if i is None:
+                continue
+            recorded.lift[i] = 0.0
+            mj.mj_contactForce(model, data, k, force)
+            recorded.normal[i] += force[0]
+            recorded.friction[i] += math.hypot(force[1], force[2])
+            mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, self._geoms[i], twist, 0)
+            arm = contact.pos - data.geom_xpos[self._geoms[i]]
+            speed = twist[3:] + np.cross(twist[:3], arm)
+            frame = contact.frame.reshape(3, 3)
+            across = 0.0 if self._wheels[i].directed else frame[2] @ speed
+            recorded.slip[i] = max(recorded.slip[i], math.hypot(frame[1] @ speed, across))
+        for i, foot in enumerate(self._wheels):
+            if math.isinf(recorded.lift[i]):
+                recorded.lift[i] = max(0.0, data.geom_xpos[self._geoms[i]][2] - foot.radius)
+        at = self._base_at
+        w, x, y, z = data.qpos[at + 3 : at + 7]
+        recorded.base[0] = data.qpos[at + 2]
+        recorded.base[1] = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+        recorded.base[2] = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+        recorded.tip[:] = data.site_xpos[self._tip]
+
+
+def make_model(robot: MobileManipulator, xml: str) -> tuple[Any, Any]:
+    """MuJoCo's model and state of what :func:`mobman.simulation.mjcf.mjcf` wrote, with the robot's
+    masses and inertias.
+
+    They are set after compiling, so that they are the robot's to the last digit or two: the compiler
+    balances what violates the triangle inequality, and refuses bodies without mass.
+    """
+    mj = importlib.import_module("mujoco")
+    model = mj.MjModel.from_xml_string(xml)
+    base = robot.platform.base_joints
+    for i in range(1, robot.model.njoints):
+        name, inertia = robot.model.names[i], robot.model.inertias[i]
+        if name in robot.platform.virtual_joints or name in base[:-1]:
+            continue
+        body = model.body(BASE if name in base else name).id
+        moments, axes = principal(inertia)
+        model.body_mass[body], model.body_inertia[body] = inertia.mass, moments
+        model.body_ipos[body], model.body_iquat[body] = inertia.lever, axes
+    data = mj.MjData(model)
+    mj.mj_setConst(model, data)
+    return model, data
+
+
+plants.register("mujoco", MuJoCo)

@@ -1,0 +1,346 @@
+"""Robots as MuJoCo models on the ground: bodies, inertias, wheels, supports and couplings."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from mobman.arrays import Array
+from mobman.errors import SpecError
+from mobman.model.mobile_manipulator import MobileManipulator
+
+BASE, TIP = "mobman/base", "mobman/tip"
+"""Names of the base's body and free joint, and of the site at the tip."""
+_SKATE = 0.05  # m, radius of a foot that stands for a constraint
+_RIGID = {
+    "solref": "0.002 1",
+    "solimp": "0.9999 0.9999 0.001 0.5 2",
+}  # gears, joints that follow others
+_ROLLING = 1e-4  # friction of a roller about its own axis, over that along it
+
+
+class Foot(NamedTuple):
+    """A sphere that touches the ground."""
+
+    name: str
+    joint: str
+    """The joint that moves the body that has it; that of the base by the base's last joint."""
+    centre: Array
+    """In the frame of that joint (m), shape (3,)."""
+    radius: float
+    """m."""
+    friction: bool
+    """False for a support, which slides freely."""
+    axis: Array
+    """Of the wheel in the joint's frame; or, where the foot does not turn, the direction in which it has
+    friction; shape (3,)."""
+    roller: float | None = None
+    """Angle of the direction in which it has friction, from that in which it rolls (rad), anticlockwise
+    seen from above; None if it has friction in all directions."""
+
+    @property
+    def directed(self) -> bool:
+        """True if it has friction in one direction only."""
+        return self.friction and self.roller is not None
+
+
+class Bump(NamedTuple):
+    """A ridge on the ground."""
+
+    centre: Array
+    """A point of its axis, on the ground (m), shape (2,)."""
+    direction: float
+    """In which it is crossed (rad)."""
+    height: float
+    """m."""
+    width: float
+    """On the ground (m)."""
+
+
+class Ground(NamedTuple):
+    """Ground and tyres."""
+
+    friction: float
+    gravity: Array
+    """m/s^2, shape (3,)."""
+    deflection: float
+    """How far a tyre is compressed by its static load (m)."""
+    damping: float
+    """Of the tyres, over the critical one."""
+    impedance: float
+    """MuJoCo's d of the contacts."""
+    creep: float
+    """Slip per friction over the static load (m/s)."""
+    supports: float
+    """Stiffness of the supports over that of the wheels."""
+    bumps: Sequence[Bump]
+
+
+def feet_of(robot: MobileManipulator, scrub: bool = False) -> list[Foot]:
+    """What a robot stands on at ``q_rest``: its wheels, then what must be added.
+
+    Wheels are spheres: they touch the ground in one point. Those of a skid-steered platform have
+    friction along their rolling direction, where the effective track says, and so slip sideways without
+    resistance; unless they ``scrub``. Where no wheel resists motion sideways, each constraint on the
+    pose alone gets a foot with friction in the direction that it forbids. Wheels on one axle get two
+    supports that slide freely, before and behind it; a platform without wheels gets four.
+
+    Raises:
+        SpecError: If a platform without wheels has constraints on other coordinates than its pose.
+    """
+    platform, model = robot.platform, robot.model
+    if not platform.base_joints:
+        return []
+    level = robot.q_rest.copy()
+    level[robot.platform_index[:3]] = 0.0
+    data = model.createData()
+    centre = pin.centerOfMass(model, data, level)
+    constraints = robot.constraint_matrix(level)[: robot.k - len(robot.followers)]
+    base, feet = platform.base_joints[-1], []
+    for wheel in platform.wheels:
+        i = model.getJointId(wheel.joint)
+        axis, roller, place = _motion(model, i)[3:], wheel.roller, np.zeros(3)
+        if platform.skids and not scrub:
+            roller = 0.0
+            place = _beside(robot, wheel.joint, constraints, data.oMi[i], axis) * axis
+        feet.append(Foot(wheel.joint, wheel.joint, place, wheel.radius, True, axis, roller))
+    if all(foot.directed for foot in feet):
+        feet += _skates(robot, constraints, bool(feet))
+    wheels = feet[: len(platform.wheels)]
+    if not wheels:
+        return [*feet, *_supports(base, np.eye(3), np.zeros(2), centre, 4, 0.5 * float(centre[2]))]
+    places = np.array([data.oMi[model.getJointId(one.joint)].translation[:2] for one in wheels])
+    middle = places.mean(axis=0)
+    if np.linalg.matrix_rank(places - middle, tol=1e-2) > 1:
+        return feet
+    carrier = model.parents[model.getJointId(wheels[0].joint)]
+    x, y = (places[-1] - places[0]) / np.linalg.norm(places[-1] - places[0])
+    axes = np.array([[y, x, 0.0], [-x, y, 0.0], [0.0, 0.0, 1.0]])
+    half = 0.5 * float(np.linalg.norm(places[-1] - places[0]))
+    found = _supports(model.names[carrier], axes, middle, centre, 2, half)
+    frame = data.oMi[carrier]
+    return [*feet, *(one._replace(centre=np.array(frame.actInv(one.centre))) for one in found)]
+
+
+def _beside(
+    robot: MobileManipulator, wheel: str, constraints: Array, frame: pin.SE3, axis: Array
+) -> float:
+    """How far along its axis a wheel's constraint puts the point that rolls (m)."""
+    row = constraints[np.flatnonzero(constraints[:, robot.joint_names.index(wheel)])[0]]
+    x, y, turning = row[robot.platform_index[:3]]
+    place, along = frame.translation, frame.rotation @ axis
+    # (place + s along) x (x, y) = turning
+    return float((turning - place[0] * y + place[1] * x) / (along[0] * y - along[1] * x))
+
+
+def _supports(
+    joint: str, axes: Array, middle: Array, centre: Array, count: int, least: float
+) -> list[Foot]:
+    """Supports around a point, along the columns of ``axes``, twice as far as the centre of mass is."""
+    reach = max(least, 2.0 * float(np.linalg.norm(centre[:2] - middle)))
+    radius = 0.25 * reach
+    places = [
+        np.array([*middle, radius]) + (-1.0) ** i * reach * axes[:, i // 2] for i in range(count)
+    ]
+    return [
+        Foot(f"mobman/support_{i}", joint, place, radius, False, axes[:, 0])
+        for i, place in enumerate(places)
+    ]
+
+
+def _skates(robot: MobileManipulator, constraints: Array, wheels: bool) -> list[Foot]:
+    """A foot for each constraint on the pose alone, where and how it forbids motion."""
+    pose, found = robot.platform_index[:3], []
+    for i, row in enumerate(constraints):
+        x, y, turning = row[pose]
+        size = math.hypot(x, y)
+        if np.delete(row, pose).any() or not size:
+            if wheels:
+                continue
+            raise SpecError(
+                f"robot {robot.name!r}: its platform has constraints on joints and names no wheels, "
+                "which is what the ground acts on; name them in the platform's 'wheels'"
+            )
+        place = np.array([*(turning / size**2 * np.array([y, -x])), _SKATE])
+        direction = np.array([x, y, 0.0]) / size
+        base = robot.platform.base_joints[-1]
+        found.append(Foot(f"mobman/skate_{i}", base, place, _SKATE, True, direction, 0.0))
+    return found
+
+
+def _motion(model: pin.Model, joint: int) -> Array:
+    """A joint's unit twist in its own frame: linear, then angular, shape (6,)."""
+    data = model.joints[joint].createData()
+    model.joints[joint].calc(data, np.zeros(model.nq))
+    return np.array(data.S, dtype=float).reshape(6)
+
+
+def mjcf(robot: MobileManipulator, feet: Sequence[Foot], ground: Ground, step: float) -> str:
+    """The robot and the ground as MJCF; inertias are set by :func:`set_inertias`.
+
+    The base's body has the platform's frame, whose origin is on the ground. Joints and bodies have the
+    names of the robot's joints; those that the description adds without a body have none.
+
+    Args:
+        robot: The robot.
+        feet: See :func:`feet_of`.
+        ground: Ground and tyres.
+        step: Integration step (s).
+    """
+    root = ET.Element("mujoco", model="robot")
+    ET.SubElement(root, "compiler", angle="radian")
+    option = ET.SubElement(
+        root,
+        "option",
+        timestep=repr(step),
+        gravity=_text(ground.gravity),
+        integrator="Euler",
+        cone="elliptic",
+        solver="Newton",
+        iterations="100",
+        tolerance="1e-12",
+    )
+    ET.SubElement(option, "flag", autoreset="disable", island="disable")
+    world = ET.SubElement(root, "worldbody")
+    _shape(world, "ground", type="plane", size="0 0 1")
+    obstacles = ["ground"]
+    for i, bump in enumerate(ground.bumps):
+        obstacles.append(f"mobman/bump_{i}")
+        _ridge(world, obstacles[-1], bump)
+    model, virtual = robot.model, set(robot.platform.virtual_joints)
+    base = robot.platform.base_joints
+    bodies: dict[str, ET.Element] = {"universe": world}
+    if base:
+        bodies[base[-1]] = body = ET.SubElement(world, "body", name=BASE)
+        ET.SubElement(body, "freejoint", name=BASE)
+        _mass(body)
+    for i in range(1, model.njoints):
+        name = model.names[i]
+        if name not in base and name not in virtual:
+            bodies[name] = _body(bodies[model.names[model.parents[i]]], model, i)
+    tip = model.frames[robot.tip_frame]
+    ET.SubElement(
+        bodies[model.names[tip.parentJoint]], "site", name=TIP, pos=_text(tip.placement.translation)
+    )
+    contact = ET.SubElement(root, "contact")
+    for foot in feet:
+        size, centre = repr(float(foot.radius)), _text(foot.centre)
+        _shape(bodies[foot.joint], foot.name, type="sphere", size=size, pos=centre)
+        for obstacle in obstacles:
+            _pair(contact, obstacle, foot, ground)
+    equality = ET.SubElement(root, "equality")
+    for one in robot.followers:
+        _coupling(equality, one.joint, one.of, one.ratio, one.offset)
+    for gear in robot.platform.geared:
+        _coupling(equality, gear.joint, gear.of, gear.ratio, 0.0)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _shape(body: ET.Element, name: str, **attributes: str) -> None:
+    """A shape that touches only what a pair says."""
+    ET.SubElement(body, "geom", {"name": name, "contype": "0", "conaffinity": "0", **attributes})
+
+
+def _ridge(world: ET.Element, name: str, bump: Bump) -> None:
+    """A cylinder with round ends, so far in the ground that it has the bump's height and width."""
+    radius = (bump.height**2 + 0.25 * bump.width**2) / (2.0 * bump.height)
+    along = np.array([-math.sin(bump.direction), math.cos(bump.direction), 0.0])
+    axis = np.array([*bump.centre, bump.height - radius])
+    ends = _text([*(axis - 50.0 * along), *(axis + 50.0 * along)])
+    _shape(world, name, type="capsule", fromto=ends, size=repr(radius))
+
+
+def _pair(contact: ET.Element, obstacle: str, foot: Foot, ground: Ground) -> None:
+    """A contact; :func:`set_tyres` puts in its stiffness and damping."""
+    friction = max(ground.friction, 1e-5)
+    across = _ROLLING * friction if foot.directed else friction
+    ET.SubElement(
+        contact,
+        "pair",
+        name=f"{obstacle} {foot.name}",
+        geom1=obstacle,
+        geom2=foot.name,
+        condim="3" if foot.friction else "1",
+        friction=_text([friction, across, 0.0, 0.0, 0.0]),
+        solref="-1 -1",
+        solimp=_text([ground.impedance, ground.impedance, 0.001, 0.5, 2.0]),
+    )
+
+
+def set_tyres(model: Any, mass: float, feet: Sequence[Foot], ground: Ground) -> None:
+    """Set stiffness and damping of the contacts, and how friction creeps.
+
+    A contact's force is f = (a_ref - a)/R with a_ref = -D v/d - S r/d, MuJoCo's d and R = (1 - d)/d A
+    for the contact's inverse inertia A, which MuJoCo estimates from constants: a spring of stiffness K =
+    S/((1 - d) A), a damper, and an inertance 1/R. K carries the static load at the deflection. Friction
+    has the same without the spring, with R over impratio; its velocity decays in two steps.
+
+    Args:
+        model: MuJoCo's.
+        mass: Of the robot (kg).
+        feet: What it stands on.
+        ground: Ground and tyres.
+    """
+    g, d = float(np.linalg.norm(ground.gravity)), ground.impedance
+    share = np.array([1.0 if foot.friction else ground.supports for foot in feet])
+    load = mass * g / share.sum()
+    ids = [model.geom(foot.name).id for foot in feet]
+    inverse = np.array([model.body_invweight0[model.geom_bodyid[i], 0] for i in ids])
+    stiffness = share * load / ground.deflection * (1.0 - d) * inverse
+    R = (1.0 - d) / d * inverse
+    rough = np.array([foot.friction for foot in feet])
+    # friction / creep = load / creep = (D / d) impratio / R
+    fastest = 0.5 * d / model.opt.timestep
+    needed = load / ground.creep * d * R
+    model.opt.impratio = float(needed[rough].max(initial=0.0)) / fastest if rough.any() else 1.0
+    for k, s, creep in zip(ids, stiffness, needed / model.opt.impratio, strict=True):
+        pairs = np.flatnonzero(model.pair_geom2 == k)
+        model.pair_solref[pairs] = -s, -2.0 * ground.damping * math.sqrt(s)
+        model.pair_solreffriction[pairs] = -1.0, -creep
+
+
+def _coupling(equality: ET.Element, joint: str, of: str, ratio: float, offset: float) -> None:
+    polynomial = _text([offset, ratio, 0.0, 0.0, 0.0])
+    between = {"joint1": joint, "joint2": of, "polycoef": polynomial}
+    ET.SubElement(equality, "joint", {**between, **_RIGID})
+
+
+def _body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element:
+    """A body with its joint, at the joint's placement."""
+    name, placement = model.names[joint], model.jointPlacements[joint]
+    quaternion = pin.Quaternion(placement.rotation).coeffs()  # x, y, z, w
+    body = ET.SubElement(
+        parent,
+        "body",
+        name=name,
+        pos=_text(placement.translation),
+        quat=_text(np.roll(quaternion, 1)),
+    )
+    motion = _motion(model, joint)
+    kind, direction = ("slide", motion[:3]) if np.any(motion[:3]) else ("hinge", motion[3:])
+    armature = repr(float(model.armature[model.joints[joint].idx_v]))
+    ET.SubElement(body, "joint", name=name, type=kind, axis=_text(direction), armature=armature)
+    _mass(body)
+    return body
+
+
+def _mass(body: ET.Element) -> None:
+    """A mass that the compiler accepts; :func:`set_inertias` puts the true one in its place."""
+    ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
+
+
+def principal(inertia: pin.Inertia) -> tuple[Array, Array]:
+    """Principal moments (kg m^2), shape (3,), and the axes as a unit quaternion (w, x, y, z)."""
+    moments, axes = np.linalg.eigh(inertia.inertia)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] = -axes[:, 0]
+    return moments, np.roll(pin.Quaternion(axes).normalized().coeffs(), 1)
+
+
+def _text(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
