@@ -13,7 +13,7 @@ import pandas as pd
 from mobman.arrays import Array
 from mobman.benchmark.report.data import DONE, Results
 from mobman.benchmark.report.format import instant, interval_range, number
-from mobman.benchmark.report.standings import EFFORTS, Board, Price, strata, upper_median
+from mobman.benchmark.report.standings import EFFORTS, Board, Price, clusters, upper_median
 from mobman.benchmark.statistics import performance_profile, score_profile
 from mobman.figures.charts import (
     FLOOR,
@@ -349,8 +349,8 @@ def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
     taus = np.logspace(0.0, math.log10(factor), _POINTS)
     thresholds = np.logspace(math.log10(low), math.log10(high), _POINTS)
     shares = performance_profile(errors, taus, floor=FLOOR)
-    kinds = strata(results, board.cells)
-    scores = [score_profile(np.maximum(own, FLOOR), thresholds, strata=kinds) for own in errors]
+    kinds = clusters(results, board.cells)
+    scores = [score_profile(np.maximum(own, FLOOR), thresholds, clusters=kinds) for own in errors]
     left = [
         {"label": label, "x": taus, "y": share}
         for label, share in zip(board.labels, shares, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
@@ -31,7 +32,7 @@ WriteReplay = Callable[[Path, Path, float | None], None]
 _INSTANT = re.compile(r"\bt = ([0-9][0-9.eE+-]*) s")
 _CELL = list(Cell._fields)
 _DEFAULTS: dict[str, Any] = {
-    **dict.fromkeys(("robot", "task", "scenario", "family", "label", "law", "file"), ""),
+    **dict.fromkeys(("robot", "base", "task", "scenario", "family", "label", "law", "file"), ""),
     "dt": 1e-3,
     "duration": 1.0,
     "placement": 0,
@@ -43,7 +44,8 @@ _DEFAULTS: dict[str, Any] = {
     "load": None,
 }
 """Fields of a run. ``state``: done, failed (by a fault of software or machine, with the reason as the
-message) or not run yet. ``gains``: as the suite gives them, None if unknown."""
+message) or not run yet. ``base``: the same for robots on the same platform, empty if unknown.
+``gains``: as the suite gives them, None if unknown."""
 
 
 @dataclass
@@ -103,12 +105,16 @@ class Results:
     @cached_property
     def cells(self) -> pd.DataFrame:
         """One row a cell, by group; with ``group``, ``case`` (the scenario, and what of period and
-        duration varies), ``variant`` (the case and its placement), ``name`` and ``family``."""
+        duration varies), ``variant`` (the case and its placement), ``name``, ``family`` (of the
+        scenario) and ``base`` (the first of the robots on the same platform)."""
         return self._cells_of(self.runs)
 
     def _cells_of(self, runs: pd.DataFrame) -> pd.DataFrame:
         first = runs.drop_duplicates("cell").sort_values("cell").set_index("cell")
         cells = first[_CELL].copy()
+        known = {r: base for r, base in zip(runs.robot, runs.base, strict=True) if base}
+        named: dict[str, str] = {}
+        cells["base"] = [named.setdefault(known.get(r, r), r) for r in cells.robot]
         families = runs[runs.family != ""].drop_duplicates("cell").set_index("cell").family
         cells["family"] = families.reindex(cells.index).fillna(cells.scenario)
         cells["group"] = [f"{r}, {t}" for r, t in zip(cells.robot, cells.task, strict=True)]
@@ -281,7 +287,17 @@ def _outcome(summary: RecordSummary, path: Path) -> dict[str, Any]:
     names = ("status", "message", "metrics", "settings", "versions", "created", "machine")
     found = {name: getattr(summary, name) for name in names}
     command = shlex.join(words)
+    found["base"] = _base_of(summary.spec.get("robot"))
     return {**found, "load": load, "command": command, "instant": instant}
+
+
+def _base_of(robot: Any) -> str:
+    """A text that is the same for robots on the same platform, by its type and numbers: what is mounted
+    on it may differ, and of one described by a URDF the rest of that. An arm on no platform is alone."""
+    platform = robot.get("platform") if isinstance(robot, dict) else None
+    if not isinstance(platform, dict) or platform.get("type") == "fixed":
+        return ""
+    return json.dumps(platform, sort_keys=True, default=str)
 
 
 def _others(store: Store, asked: set[str]) -> dict[str, str]:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from mobman.benchmark.report.data import DONE, NOMINAL, NOT_RUN, Results
 from mobman.benchmark.report.format import count, interval_range, listing, metric_value, number
-from mobman.benchmark.report.standings import Board, Standing
+from mobman.benchmark.report.standings import Board, Standing, unit_of
 from mobman.controllers.protocol import information_of
 
 _SPACE = "\u00a0"  # holds a number and its unit together
@@ -393,12 +393,22 @@ _START = (
     "Each robot starts from one configuration, at rest, and follows one path: nothing here says "
     "how large the set of good starts is."
 )
+_PLACED = (
+    "Starts and circles at placements are drawn near the robot's rest, where the motion can be followed "
+    "without a singularity: nothing here says how large the set of good starts is."
+)
 _SEEDS = (
     "Several seeds of a cell are not independent evidence: they count once, by the worst of them. "
-    "Nor are cells that differ in one magnitude or period only, but intervals and p-values take cells "
-    "as independent within a robot and task: they are too sure where a suite has many that are alike. "
-    "They say how the results would vary with cells like these, not with any robot and task."
+    "Robots on the same platform count as one. "
 )
+_UNITS = {
+    "robot": "Intervals, ranks and p-values are of platforms, with all of their cells: they say how "
+    "the results would vary with robots like these.",
+    "cell": "With fewer than ten platforms, intervals, ranks and p-values take their cells as "
+    "independent, which those that differ in one magnitude or placement are not quite: they are too "
+    "sure where a suite has many that are alike. They say how the results would vary with cells like "
+    "these, not with other robots.",
+}
 _STEADY = (
     "The steady part is the last 30 % of a run. A law that is still converging there is judged "
     "by where it has come to."
@@ -432,4 +442,6 @@ def limitations_of(results: Results) -> list[str]:
             f"One seed ({runs.seed.iloc[0]}): where a scenario has randomness, this is one draw of it, "
             "and there is no statement on spread."
         )
-    return [*found[:1], _CELLS, *found[1:], _START, _SEEDS, _STEADY]
+    start = _PLACED if runs.placement.any() else _START
+    seeds = _SEEDS + _UNITS[unit_of(results, results.cells.index)]
+    return [*found[:1], _CELLS, *found[1:], start, seeds, _STEADY]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -31,6 +31,12 @@ EFFORTS = {
     "torque_variation": "total variation of v over the cell's least",
 }
 """The price of precision: metrics, and their names."""
+FEW_BASES = 10
+"""With so many platforms or more these are resampled, with all of their cells; with fewer, cells."""
+ROUNDING = 1e-9
+"""Errors below it (m) are rounding, whichever law they are of."""
+_TWINS = "tsm", "tsm-inverse-actuation"
+"""Laws that are one inside the unit ball, where v' is what makes S+ = 0 whatever multiplies u."""
 MOST = 400
 """Cells that are all drawn; of more, a selection."""
 EACH = 12
@@ -59,6 +65,8 @@ class Standing:
     """Runs that were tried and gave no result; they count as failures."""
     beyond: int
     """Runs in which the robot went beyond its own limits."""
+    twins: tuple[str, ...] = ()
+    """Controllers that are the same law and have the same errors: they are compared as this one."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +106,7 @@ class Board:
     """
 
     labels: list[str]
-    """Controllers that are compared, in the suite's order."""
+    """Controllers that are compared, in the suite's order; of twins the first."""
     cells: pd.Index
     """Numbers of the cells that they are compared in."""
     asked: int
@@ -111,6 +119,11 @@ class Board:
     """Standings by scenario family and label, if there are several families."""
     pairs: list[Pair]
     """Every two compared controllers, the better placed as a."""
+    unit: str = "cell"
+    """What is resampled: ``"robot"``, with all of its cells, or ``"cell"``; robots on the same platform
+    count as one."""
+    units: int = 0
+    """Their number."""
 
     @property
     def ranked(self) -> list[Standing]:
@@ -144,7 +157,12 @@ def board_of(results: Results) -> Board:
     labels = [label for label in results.labels if label in chosen]
     tried = shared & ~results.pending[labels].any(axis=1)
     cells = results.cells.index[tried]
-    standings = list(_standings(results, labels, cells).values())
+    twins = _twins(results, labels, cells)
+    labels = [label for label in labels if not any(label in own for own in twins.values())]
+    standings = [
+        replace(standing, twins=tuple(twins.get(standing.label, ())))
+        for standing in _standings(results, labels, cells).values()
+    ]
     order = [standing.label for standing in standings]
     for label in (label for label in results.labels if label not in chosen):
         own = results.cells.index[asked[label] & ~results.pending[label]]
@@ -156,13 +174,39 @@ def board_of(results: Results) -> Board:
     pairs = _pairs(results, order, cells) if len(order) > 1 else []
     several = families if len(families) > 1 else {}
     pending = int(shared.sum() - tried.sum())
-    return Board(labels, cells, len(results.cells), pending, standings, several, pairs)
+    whole = unit_of(results, cells), len(set(clusters(results, cells)))
+    return Board(labels, cells, len(results.cells), pending, standings, several, pairs, *whole)
 
 
-def strata(results: Results, cells: pd.Index) -> list[str]:
-    """Name the kind of each cell: its robot and task."""
+def unit_of(results: Results, cells: pd.Index) -> str:
+    """What is resampled: ``"robot"`` where there are enough on platforms of their own, else
+    ``"cell"``."""
+    return "robot" if results.cells.base.loc[cells].nunique() >= FEW_BASES else "cell"
+
+
+def clusters(results: Results, cells: pd.Index) -> list[str]:
+    """Name what each cell is resampled with: those of all robots on the same platform, or, where these
+    are few, the same cell of these robots."""
     own = results.cells.loc[cells]
-    return [f"{robot}\0{task}" for robot, task in zip(own.robot, own.task, strict=True)]
+    if unit_of(results, cells) == "robot":
+        return list(own.base)
+    return [f"{cell.base}\0{cell.task}\0{cell.case}\0{cell.placement}" for cell in own.itertuples()]
+
+
+def _twins(results: Results, labels: Sequence[str], cells: pd.Index) -> dict[str, list[str]]:
+    """By a label of tsm those of its twin, whose errors are the same in all cells, to 10 % or to
+    rounding; tuned ones stay by themselves."""
+    laws = results.runs.drop_duplicates("label").set_index("label").law
+    errors = results.errors.loc[cells].clip(lower=ROUNDING)
+    found: dict[str, list[str]] = {}
+    for twin in labels if len(cells) else ():
+        for label in labels if laws[twin] == _TWINS[1] and twin not in results.tuned else ():
+            a, b = errors[label], errors[twin]
+            same = ((a == b) | ((a - b).abs() <= 0.1 * a)).all()
+            if laws[label] == _TWINS[0] and label not in results.tuned and same:
+                found.setdefault(label, []).append(twin)
+                break
+    return found
 
 
 def _standings(results: Results, labels: list[str], cells: pd.Index) -> dict[str, Standing]:
@@ -171,7 +215,7 @@ def _standings(results: Results, labels: list[str], cells: pd.Index) -> dict[str
     errors = results.errors.loc[cells, labels].to_numpy().T
     return {
         rank.label: _standing(results, rank.label, rank.score, (rank.first, rank.last), cells)
-        for rank in ranking(labels, errors, strata=strata(results, cells))
+        for rank in ranking(labels, errors, clusters=clusters(results, cells))
     }
 
 
@@ -189,9 +233,12 @@ def _standing(
 def _pairs(results: Results, order: Sequence[str], cells: pd.Index) -> list[Pair]:
     """Every two controllers, in an order."""
     scores = [results.errors.loc[cells, label].to_numpy() for label in order]
-    errors = compare_all(order, scores, strata=strata(results, cells))
+    own = clusters(results, cells)
+    errors = compare_all(order, scores, clusters=own)
     solved = results.solved.loc[cells]
-    successes = [compare_successes(solved[p.a].tolist(), solved[p.b].tolist()) for p in errors]
+    successes = [
+        compare_successes(solved[p.a].tolist(), solved[p.b].tolist(), clusters=own) for p in errors
+    ]
     adjusted = adjust([found.p_value for found in successes])
     return [
         Pair(pair.a, pair.b, pair.comparison, pair.adjusted_p, success, float(p))
@@ -201,9 +248,9 @@ def _pairs(results: Results, order: Sequence[str], cells: pd.Index) -> list[Pair
 
 def prices_of(results: Results, board: Board, metric: str) -> list[Price]:
     """Set precision against an effort; failures cost, and miss, without end."""
-    efforts, kinds = results.effort(metric).loc[board.cells], strata(results, board.cells)
+    efforts, own = results.effort(metric).loc[board.cells], clusters(results, board.cells)
     found = {
-        s.label: (s.error, median(efforts[s.label].to_numpy(), scale="log10", strata=kinds))
+        s.label: (s.error, median(efforts[s.label].to_numpy(), scale="log10", clusters=own))
         for s in board.ranked
     }
     points = {label: (e.estimate, p.estimate) for label, (e, p) in found.items()}

@@ -115,7 +115,7 @@ def leaderboard_table(board: Board) -> Table:
         rows.append(
             [
                 rank_range(s.ranks),
-                label_entry(s.label),
+                _named(s),
                 _best(number(s.error.estimate), _leads(s, board.ranked)),
                 interval_range(s.error),
                 f"{s.solved} of {s.cells}",
@@ -129,7 +129,19 @@ def leaderboard_table(board: Board) -> Table:
         "rank;controller;#steady |e^e| (m);#95 % interval;#cells solved;#95 % interval;#runs;"
         "of these, failed;#of these, beyond limits"
     )
-    return table_of("Leaderboard over all compared cells", columns, rows)
+    unit = f"{board.units} cells" if board.unit == "cell" else f"{board.units} platforms"
+    caption = (
+        f"Leaderboard over {len(board.cells)} cells (intervals: of {unit}); a failure is an infinite "
+        "error, which the geometric mean of the middle half shows where a quarter of them fail"
+    )
+    return table_of(caption, columns, rows)
+
+
+def _named(standing: Standing) -> Entry:
+    """Make the entry of a controller, with those that are the same law here."""
+    same = f"the same as {', '.join(standing.twins)}" if standing.twins else ""
+    why = "one law inside the unit ball: their errors are the same in every cell" if same else ""
+    return Entry(standing.label, label=standing.label, detail=why, unit=same)
 
 
 def information_table(results: Results, board: Board) -> Table:
@@ -147,7 +159,7 @@ def information_table(results: Results, board: Board) -> Table:
             ranked = [other for other in members if other.ranks is not None]
             rows.append(
                 [
-                    label_entry(s.label),
+                    _named(s),
                     *map(Entry, marks),
                     _best(number(s.error.estimate), _leads(s, ranked)),
                     Entry(f"{s.solved} of {s.cells}"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 from typing import Any, Literal
@@ -47,8 +47,8 @@ class Comparison:
     losses: int
     """Cells in which b is better."""
     smallest_p: float
-    """The p that as many untied cells would give if all said the same: if it is, times the number of
-    pairs, above one's threshold, there are too few cells for any outcome to be significant."""
+    """The p that as many untied units would give if all said the same: if it is, times the number of
+    pairs, above one's threshold, there are too few for any outcome to be significant."""
     scale: str
     """Scale of the differences."""
 
@@ -70,14 +70,15 @@ def compare(a: ArrayLike, b: ArrayLike, **options: Any) -> Comparison:
         )
     bootstrap = Bootstrap(**{"scale": "log10", **options})
     differences = _differences(bootstrap, *map(bootstrap.to_scale, (first, second)))
+    units = bootstrap.by_cluster(differences)
     # infinite differences are tied for the largest; zeros take the lowest ranks and have no sign (Pratt)
-    ranks = rankdata(np.abs(differences))
-    signed = np.sign(differences) * ranks
+    ranks = rankdata(np.abs(units))
+    signed = np.sign(units) * ranks
     middle = bootstrap.estimate(differences, weighted("median"))
     return Comparison(
         n=len(differences),
         median_difference=Interval(*map(float, middle)),
-        p_value=_two_sided_p(differences, signed[signed != 0.0]),
+        p_value=_two_sided_p(units, signed[signed != 0.0]),
         effect_size=float(signed.sum() / ranks.sum()),
         wins=int((differences < 0.0).sum()),
         ties=int((differences == 0.0).sum()),
@@ -170,12 +171,19 @@ class SuccessComparison:
     """The p if all cells in which they differ said the same."""
 
 
-def compare_successes(a: ArrayLike, b: ArrayLike, *, level: float = 0.95) -> SuccessComparison:
+def compare_successes(
+    a: ArrayLike,
+    b: ArrayLike,
+    *,
+    clusters: Sequence[Hashable] | None = None,
+    level: float = 0.95,
+) -> SuccessComparison:
     """Compare two labels by success or failure on the same cells.
 
     Args:
         a: Shape (n,), True or 1 for a success, False or 0 for a failure.
         b: Shape (n,), on the same cells in the same order.
+        clusters: Labels, one a cell, of what the test counts once: for whoever solves more of it.
         level: Confidence level of the difference's interval.
     """
     given = {"a": np.asarray(a), "b": np.asarray(b)}
@@ -189,11 +197,15 @@ def compare_successes(a: ArrayLike, b: ArrayLike, *, level: float = 0.95) -> Suc
         )
     both, neither = int((first & second).sum()), int((~first & ~second).sum())
     only_a, only_b = int((first & ~second).sum()), int((~first & second).sum())
-    differ = only_a + only_b
+    ahead = np.sign(first.astype(float) - second)
+    if clusters is not None:
+        groups = Bootstrap(clusters=clusters).groups_of(len(ahead))
+        ahead = np.sign(np.bincount(groups, weights=ahead))
+    won, differ = int((ahead > 0.0).sum()), int(np.count_nonzero(ahead))
     return SuccessComparison(
         n=len(first),
         difference=_rate_difference(both, only_a, only_b, neither, level),
-        p_value=float(binomtest(only_a, differ).pvalue) if differ else 1.0,
+        p_value=float(binomtest(won, differ).pvalue) if differ else 1.0,
         both=both,
         only_a=only_a,
         only_b=only_b,
@@ -224,12 +236,12 @@ def ranking(
 ) -> list[Rank]:
     """The range of ranks of each label that its scores on the same cells allow, the best estimate first.
 
-    Cells are resampled jointly for all labels. The order of two labels is settled if one has the
-    lower score in nearly all resamples, and the ranks of its differences to the other say that it is
-    lower: (resamples in which its score is not lower + 1) / (resamples + 1), and the one-sided p of
-    the signed ranks, are both at most (1 - level) / 2 over the number of pairs, so that all settled
-    orders hold together. Labels whose order is not settled share ranks. The order of the labels given
-    makes no difference.
+    Cells, or clusters of them, are resampled jointly for all labels. The order of two labels is settled
+    if one has the lower score in nearly all resamples, and the ranks of its differences to the other
+    (the median ones of clusters) say that it is lower: (resamples in which its score is not lower + 1)
+    / (resamples + 1), and the one-sided p of the signed ranks, are both at most (1 - level) / 2 over
+    the number of pairs, so that all settled orders hold together. Labels whose order is not settled
+    share ranks. The order of the labels given makes no difference.
 
     Args:
         labels: Of the rows.
@@ -252,7 +264,8 @@ def ranking(
         not_lower = (drawn[:, i] >= drawn[:, j]).sum()
         # the bootstrap alone is too sure of itself with few cells
         better[i, j] = (not_lower + 1) / (len(drawn) + 1) <= tail and (
-            evidence_below(_differences(bootstrap, scaled[i], scaled[j])) <= tail
+            evidence_below(bootstrap.by_cluster(_differences(bootstrap, scaled[i], scaled[j])))
+            <= tail
         )
     ranks = [
         Rank(

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ndtr, stdtrit
 from scipy.stats import binomtest
 
 from mobman.arrays import Array, Index
@@ -18,11 +19,12 @@ FLOOR = 1e-12
 """Smaller values count as this on ``log10``, in the scores' unit: zeros must count as something."""
 _BLOCK = 2**14  # draws at a time: they stay in the processor's cache, and memory does not grow
 
-WEIGHTS: dict[str, Callable[[Index, int], Array]] = {
+WEIGHTS: dict[str, Callable[[Index, Index], Array]] = {
     "interquartile_mean": lambda count, n: np.clip(2.0 * count / n - 0.5, 0.0, 1.0),
     "median": lambda count, n: np.clip((count - (n - 2 + n % 2) / 2) / (2 - n % 2), 0.0, 1.0),
 }
-"""The weight of the ``count`` lowest of n values together, from 0 to 1."""
+"""The weight of the ``count`` lowest of n values together, from 0 to 1; n of each resample, since
+clusters differ in size."""
 _Estimator = Callable[[Array, Index], Array]
 """Estimates of resamples, shape (resamples, ...): of n ascending values, and of how often each is
 drawn, shape (resamples, n)."""
@@ -130,7 +132,8 @@ def score_profile(values: ArrayLike, taus: ArrayLike, **options: Any) -> ScorePr
     reached = np.searchsorted(np.sort(sample[np.isfinite(sample)]), thresholds, side="right")
 
     def shares(_: Array, counts: Index) -> Array:
-        return np.pad(counts.cumsum(axis=1), ((0, 0), (1, 0)))[:, reached] / len(sample)
+        below = np.pad(counts.cumsum(axis=1), ((0, 0), (1, 0)))
+        return np.asarray(below[:, reached] / below[:, -1:])
 
     return ScoreProfile(thresholds, *Bootstrap(**options).estimate(sample, shares))
 
@@ -140,7 +143,8 @@ class Bootstrap:
     """The percentile bootstrap of samples in which inf is a failure.
 
     It is not SciPy's, which refuses samples of one value, interpolates its limits (between a number and
-    inf there is nothing to interpolate), and does not draw several labels' cells jointly within strata.
+    inf there is nothing to interpolate), and does not draw several labels' cells jointly within strata
+    or by clusters.
     """
 
     scale: Literal["linear", "log10"] = "linear"
@@ -150,6 +154,9 @@ class Bootstrap:
     """Smaller values count as this on ``"log10"``."""
     strata: Sequence[Hashable] | None = None
     """Labels, one a value, to resample within; by default all values are one stratum."""
+    clusters: Sequence[Hashable] | None = None
+    """Labels, one a value, of what is drawn as a whole: values that are much alike, or of one robot.
+    Intervals are then wider, as Student's t has it for so many clusters."""
     level: float = 0.95
     """Confidence level of each interval."""
     resamples: int = 2000
@@ -164,6 +171,8 @@ class Bootstrap:
             )
         if isinstance(resamples, bool) or int(resamples) != resamples or resamples < 1:
             raise UsageError(f"resamples: found {resamples!r}; allowed are whole numbers from 1")
+        if self.strata is not None and self.clusters is not None:
+            raise UsageError("strata and clusters: found both; allowed is one of them")
         if self.scale not in ("linear", "log10"):
             raise UsageError(f"scale: found {self.scale!r}; allowed are 'linear' and 'log10'")
         if self.scale == "log10" and not 0.0 < floor < np.inf:
@@ -203,9 +212,9 @@ class Bootstrap:
 
         The draws go with the values in ascending order, not with the order that they are given in.
         """
-        strata = self._strata_of(len(values))
-        order = np.lexsort((values, strata))
-        estimates, drawn = self._joint(values[None, order], strata[order], estimator)
+        groups = self.groups_of(len(values))
+        order = np.lexsort((values, groups))
+        estimates, drawn = self._joint(values[None, order], groups[order], estimator)
         return estimates[0], *self.limits(drawn[:, 0])
 
     def estimates(self, rows: Array, estimator: _Estimator) -> tuple[Array, Array]:
@@ -214,18 +223,26 @@ class Bootstrap:
         Returns:
             Shapes (n_rows, ...) and (resamples, n_rows, ...).
         """
-        return self._joint(rows, self._strata_of(rows.shape[1]), estimator)
+        return self._joint(rows, self.groups_of(rows.shape[1]), estimator)
 
     def limits(self, drawn: Array) -> tuple[Array, Array]:
         """The central share of the resamples' estimates, which lie along the first axis.
 
         Each limit is a resample's estimate, the outer neighbour of the quantile.
         """
-        tail = math.floor((1.0 - self.level) / 2.0 * (len(drawn) - 1))
+        tail = math.floor(self._tail * (len(drawn) - 1))
         ordered = np.sort(drawn, axis=0)
         return ordered[tail], ordered[-1 - tail]
 
-    def _joint(self, rows: Array, strata: Index, estimator: _Estimator) -> tuple[Array, Array]:
+    @property
+    def _tail(self) -> float:
+        """Share of the resamples beyond each limit: with n clusters that which the normal distribution
+        has beyond t sqrt(n/(n-1)), since resamples vary too little (Hesterberg 2015)."""
+        tail = (1.0 - self.level) / 2.0
+        n = len(set(map(repr, self.clusters or ())))
+        return tail if n < 2 else float(ndtr(stdtrit(n - 1, tail) * math.sqrt(n / (n - 1))))
+
+    def _joint(self, rows: Array, groups: Index, estimator: _Estimator) -> tuple[Array, Array]:
         orders = np.argsort(rows, axis=1, kind="stable")
         ascending = np.take_along_axis(rows, orders, axis=1)
 
@@ -233,11 +250,14 @@ class Bootstrap:
             found = [estimator(row, counts[:, o]) for row, o in zip(ascending, orders, strict=True)]
             return np.stack(found, axis=1)
 
-        blocks = [estimates(counts) for counts in self._counts(strata)]
-        return estimates(np.ones((1, len(strata)), dtype=np.int64))[0], np.concatenate(blocks)
+        # without clusters each value is one
+        units = np.arange(len(groups)) if self.clusters is None else groups
+        strata = groups if self.clusters is None else np.zeros(groups.max() + 1, dtype=np.int64)
+        blocks = [estimates(counts[:, units]) for counts in self._counts(strata)]
+        return estimates(np.ones((1, len(groups)), dtype=np.int64))[0], np.concatenate(blocks)
 
     def _counts(self, strata: Index) -> Iterator[Index]:
-        """Blocks of (some resamples, n): how often each value is drawn, with replacement."""
+        """Blocks of (some resamples, n): how often each unit is drawn, with replacement."""
         generator, n = np.random.default_rng(self.seed), len(strata)
         members, sizes = np.argsort(strata, kind="stable"), np.bincount(strata)
         start, size = (sizes.cumsum() - sizes)[strata[members]], sizes[strata[members]]
@@ -248,14 +268,26 @@ class Bootstrap:
             drawn += n * np.arange(rows)[:, None]
             yield np.bincount(drawn.ravel(), minlength=rows * n).reshape(rows, n)
 
-    def _strata_of(self, n: int) -> Index:
-        """Each value's stratum as a number, in an order that does not depend on the values'."""
-        if self.strata is None:
+    def groups_of(self, n: int) -> Index:
+        """Each value's cluster, or stratum, as a number, in an order that does not depend on the
+        values'."""
+        kind = "strata" if self.clusters is None else "clusters"
+        given = getattr(self, kind)
+        if given is None:
             return np.zeros(n, dtype=np.int64)
-        names = [repr(stratum) for stratum in self.strata]
+        names = [repr(group) for group in given]
         if len(names) != n:
-            raise UsageError(f"strata: found {len(names)} for {n} values; allowed is one for each")
+            raise UsageError(f"{kind}: found {len(names)} for {n} values; allowed is one for each")
         return np.unique(names, return_inverse=True)[1]
+
+    def by_cluster(self, differences: Array) -> Array:
+        """The median of each cluster's differences, -inf and inf among them; each one without
+        clusters."""
+        if self.clusters is None:
+            return differences
+        groups, middle = self.groups_of(len(differences)), weighted("median")
+        own = [np.sort(differences[groups == group]) for group in range(groups.max() + 1)]
+        return np.array([middle(values, np.ones((1, len(values)), np.int64))[0] for values in own])
 
 
 def weighted(statistic: str) -> _Estimator:
@@ -271,8 +303,8 @@ def weighted(statistic: str) -> _Estimator:
     def estimator(values: Array, counts: Index) -> Array:
         n = len(values)
         below, above = np.isneginf(values).sum(), n - np.isposinf(values).sum()
-        weights = np.zeros((len(counts), n + 1))
-        weights[:, 1:] = WEIGHTS[statistic](counts.cumsum(axis=1), n)
+        weights, below_each = np.zeros((len(counts), n + 1)), counts.cumsum(axis=1)
+        weights[:, 1:] = WEIGHTS[statistic](below_each, below_each[:, -1:])
         estimates, finite = np.zeros(len(counts)), values[below:above]
         if finite.size:
             # not a matrix product: its bits depend on the number of BLAS's threads
