@@ -20,7 +20,9 @@ from mobman.controllers.task_errors import Stop, TaskSpace
 from mobman.errors import GainError
 from mobman.model.metric import base_metric, unit_stiffness
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.task_map import TaskMap
 
+_POSTURES, _NEAR = 20, 0.5  # how many, within how much of the rest posture (rad, m)
 _UNBOUNDED_ZONE = (
     1.0  # rad, m: the range that the zone is a share of where a joint has one bound only
 )
@@ -35,7 +37,7 @@ class PriorityGains(ExtendedGains):
     k_l: float = gain(5.0, "s^-1", "speed away from a joint's limit in z_0, per depth in its zone")
     zone: float = gain(0.1, "1", "share of a joint's range, at each end, that is avoided")
     epsilon: float = gain(
-        0.3, "1", "the inverse is damped below so many times sigma_min(J) in the rest posture"
+        0.3, "1", "the inverse is damped below so many times sigma_min(J) near the rest posture"
     )
 
     def __post_init__(self) -> None:
@@ -79,9 +81,7 @@ class TaskPriority(ResolvedAcceleration):
         """See :class:`ResolvedAcceleration`."""
         gains, now, wanted = self.gains, space.now, np.zeros(space.p)
         root = np.sqrt(base_metric(robot))
-        space.at(0.0, robot.q_rest, np.zeros(robot.nz))
-        at_rest = np.linalg.svd(space.aligned_jacobian() * root, compute_uv=False)
-        epsilon = float(gains.epsilon) * float(at_rest[-1])
+        epsilon = float(gains.epsilon) * usual_singular_value(robot, space.task_map, root)
         k_d, k_0 = float(gains.k_d), float(gains.k_0) * unit_stiffness(robot, self.criterion)
         avoidance = LimitAvoidance(robot, float(gains.zone))
 
@@ -104,6 +104,19 @@ class TaskPriority(ResolvedAcceleration):
         given = (space.f, space.J, space.J_dot_z, space.p_d, now.z)
         track = bind(tracking_acceleration, *given, float(gains.K_p), float(gains.K_v), wanted)
         return sequence(track, prioritise)
+
+
+def usual_singular_value(robot: MobileManipulator, task_map: TaskMap, root: Array) -> float:
+    """The median of sigma_min(J Omega^1/2) over postures near the rest posture, which may be singular
+    itself; ``root`` is the diagonal of Omega^1/2."""
+    random, found = np.random.default_rng(0), []
+    for _ in range(_POSTURES):
+        q = robot.q_rest.copy()
+        q[robot.arm_index] += random.uniform(-_NEAR, _NEAR, robot.n)
+        q = robot.consistent(q)
+        J = task_map.jacobian(robot.tip_kinematics(q, np.zeros(robot.nz))) @ robot.velocity_map(q)
+        found.append(np.linalg.svd(J * root, compute_uv=False)[-1])
+    return float(np.median(found))
 
 
 class LimitAvoidance:

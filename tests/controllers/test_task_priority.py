@@ -8,8 +8,21 @@ import pytest
 import mobman as mm
 from mobman.controllers.task_errors import TaskSpace
 from mobman.controllers.task_priority import LimitAvoidance
+from mobman.tasks.singular import stretched
 
 DT = 1e-3
+
+
+class Stay:
+    """A point that the tip has to come to."""
+
+    def __init__(self, point):
+        self.point = point
+
+    def desired(self, t):
+        return self.point, np.zeros(3), np.zeros(3), np.zeros(3)
+
+
 # a robot a platform type, and every width of a task
 CASES = [
     ("youbot", "circle"),
@@ -74,6 +87,21 @@ def test_singularity_is_passed_with_bounded_speeds():
     errors = np.linalg.norm(record.task_error, axis=1)
     assert errors.max() < 0.1
     assert errors[-1] < 1e-4
+
+
+def test_rest_posture_may_be_singular():
+    """The arm straight up: the threshold of the damping is of postures around it."""
+    robot = mm.load_robot("husky_ur5")
+    robot.q_rest[:] = stretched(robot, robot.q_rest, np.array([0.0, 0.0, 1.0]), within_limits=False)
+    J = robot.tip_jacobian(robot.q_rest)[:3] @ robot.velocity_map(robot.q_rest)
+    assert np.linalg.svd(J, compute_uv=False)[-1] < 1e-6
+    point = np.array(robot.tip_pose(robot.q_rest).translation) + np.array([0.05, 0.0, -0.1])
+    exact = mm.simulate(robot, "pseudo-inverse", Stay(point), duration=3.0)
+    assert exact.status == "singular"
+    record = mm.simulate(robot, "task-priority", Stay(point), duration=3.0)
+    assert record.ok
+    assert np.abs(record.z).max() < 20.0
+    assert record.metrics["task_error_final"] < 1e-4
 
 
 def test_joint_leaves_its_limit_while_the_tip_is_on_its_task():
