@@ -355,17 +355,39 @@ def tune_command(
     help="Draw this cell, 'ROBOT, TASK, SCENARIO' with * for any text; may be given several times.",
 )
 @click.option("--latex", type=FOLDER, help="Write LaTeX tables and figures as PDF here, too.")
+@click.option(
+    "--column",
+    type=click.Choice(["single", "double"]),
+    default="single",
+    show_default=True,
+    help="Columns of a page that LaTeX figures span: 3.5 or 7.16 inches.",
+)
+@click.option(
+    "--font", default="Liberation Sans", show_default=True, help="Font of LaTeX figures; 'serif'."
+)
+@click.option(
+    "--font-size", "size", type=float, default=8.0, show_default=True, help="Its size (pt)."
+)
 @click.option("--replays", is_flag=True, help="Write a page of each run, FOLDER/replays/ID.html.")
 @JSON
 @verbosity
 def report_command(
-    folder: Path, replays: bool, latex: Path | None, as_json: bool, **options: Any
+    folder: Path,
+    replays: bool,
+    latex: Path | None,
+    column: str,
+    font: str,
+    size: float,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Write the report of the results in FOLDER again, and its index."""
     from mobman.benchmark.report.report import report_on
+    from mobman.figures.files import Print
 
     write_replay = _write_replay if replays else None
-    files = report_on(folder, latex=latex, write_replay=write_replay, **options)
+    how = Print(column, font, size)
+    files = report_on(folder, latex=latex, how=how, write_replay=write_replay, **options)
     if as_json:
         found = {key: str(getattr(files, key)) for key in ("html", "markdown", "csv")}
         print_json({**found, "latex": None if latex is None else str(latex / "example.tex")})

@@ -8,6 +8,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib import metadata
@@ -24,6 +25,8 @@ from mobman.printable import printable
 
 SUFFIXES = (".html", ".pdf", ".png", ".svg")
 _WIDTH = 720.0  # px, of a figure in a file
+_FONT = "system-ui, 'Liberation Sans', Arial, sans-serif"
+_ENTRY = 165.0  # px, of a legend
 _LEGENDS = {"color", "shape", "strokeDash", "strokeWidth"}
 _EXPORT = "window.vegaEmbed = vegaEmbed"
 # Said in the page itself: it loads nothing and sends nothing, whatever texts it holds.
@@ -33,34 +36,61 @@ POLICY = (
 )
 
 
-def config(ink: str, soft: str, line: str) -> dict[str, Any]:
-    """Make Vega-Lite's configuration for a page's colours."""
+def config(
+    ink: str, soft: str, line: str, font: str = _FONT, size: float = 11.0, longest: float = 320.0
+) -> dict[str, Any]:
+    """Make Vega-Lite's configuration for a page's colours.
+
+    Args:
+        ink: Of titles.
+        soft: Of labels.
+        line: Of grids.
+        font: Its name, or several.
+        size: Of labels (px).
+        longest: Of labels (px): what is longer is cut.
+    """
     colours = {"labelColor": soft, "titleColor": ink}
-    words = {**colours, "titleFontWeight": "normal", "titleFontSize": 12, "labelFontSize": 11}
+    sizes = {"titleFontSize": size * 12 / 11, "labelFontSize": size}
+    words = {**colours, **sizes, "titleFontWeight": "normal"}
     symbols = {"symbolSize": 70, "symbolOpacity": 1}
     lines = {"domainColor": soft, "tickColor": soft, "gridColor": line}
     return {
         "background": None,
-        "font": "system-ui, 'Liberation Sans', Arial, sans-serif",
-        "axis": {**words, **lines, "labelLimit": 320},
-        "legend": {**words, **symbols, "orient": "top", "labelLimit": 240},
-        "title": {"color": ink, "fontSize": 12, "fontWeight": 600, "anchor": "start"},
+        "font": font,
+        "axis": {**words, **lines, "labelLimit": longest},
+        "legend": {**words, **symbols, "orient": "top", "labelLimit": 0.75 * longest},
+        "title": {"color": ink, "fontSize": size * 12 / 11, "fontWeight": 600, "anchor": "start"},
         "view": {"stroke": line},
         "text": {"color": ink},
     }
 
 
+_LIGHT = "#1c1e21", "#5a6068", "#e1e3e6"
 CONFIGS = {
-    "light": config("#1c1e21", "#5a6068", "#e1e3e6"),
+    "light": config(*_LIGHT),
     "dark": config("#e6e8ea", "#a4abb3", "#30343a"),
 }
 _PRINTED = {**CONFIGS["light"], "background": "white"}
 
 
-def beside(specs: Sequence[Spec], *, across: bool = False) -> Spec:
-    """Put charts into one figure for a file, below each other or across."""
-    width = 0.5 * _WIDTH - 30.0 if across else _WIDTH
-    charts = [_still(spec, width, "bottom" if across else "top") for spec in specs]
+def beside(
+    specs: Sequence[Spec],
+    *,
+    across: bool = False,
+    width: float | None = None,
+    entry: float = _ENTRY,
+) -> Spec:
+    """Put charts into one figure for a file.
+
+    Args:
+        specs: The charts.
+        across: True for one beside the other, False for one below the other.
+        width: Of each (px).
+        entry: Room that a legend's entry takes (px).
+    """
+    if width is None:
+        width = 0.5 * _WIDTH - 30.0 if across else _WIDTH
+    charts = [_still(spec, width, "bottom" if across else "top", entry) for spec in specs]
     seen: list[Any] = []
     for chart in charts:  # a legend that is there already is not repeated
         legends = [layer["encoding"].get("color", {}) for layer in chart["layer"]]
@@ -78,7 +108,7 @@ def beside(specs: Sequence[Spec], *, across: bool = False) -> Spec:
     }
 
 
-def _still(spec: Spec, width: float, orient: str = "top") -> Spec:
+def _still(spec: Spec, width: float, orient: str = "top", entry: float = _ENTRY) -> Spec:
     """Take away what only a page can show: names to click, values under the pointer, zoom."""
     if "layer" not in spec:
         return spec
@@ -93,19 +123,17 @@ def _still(spec: Spec, width: float, orient: str = "top") -> Spec:
             del encoding["opacity"]
         for channel in _LEGENDS & encoding.keys():
             if encoding[channel].get("legend", 1) is not None and "field" in encoding[channel]:
-                legend = {"columns": max(1, int(width / 165.0)), "orient": orient}
+                legend = {"columns": max(1, int(width / entry)), "orient": orient}
                 encoding[channel]["legend"] = legend
     return spec
 
 
-def drawn(spec: Spec, kind: str) -> bytes:
+def drawn(spec: Spec, kind: str, look: Mapping[str, Any] = CONFIGS["light"]) -> bytes:
     """Draw a chart on white as ``"svg"``, ``"pdf"`` or ``"png"``."""
     import vl_convert
 
-    spec = {**_still(spec, _WIDTH), "padding": 8}
-    options: dict[str, Any] = {
-        "config": {k: v for k, v in CONFIGS["light"].items() if k != "background"}
-    }
+    spec = {"padding": 8, **_still(spec, _WIDTH)}
+    options: dict[str, Any] = {"config": {k: v for k, v in look.items() if k != "background"}}
     if kind == "png":
         options["scale"] = 2.0
     try:
@@ -113,6 +141,76 @@ def drawn(spec: Spec, kind: str) -> bytes:
     except ValueError as error:
         raise MobmanError(f"cannot draw the figure: {str(error).splitlines()[0]}") from error
     return found.encode() if isinstance(found, str) else bytes(found)
+
+
+@dataclass(frozen=True)
+class Print:
+    """How the figures of a paper are set."""
+
+    column: str = "single"
+    """``"single"`` or ``"double"``: 3.5 or 7.16 inches wide, those of most journals' columns."""
+    font: str = "Liberation Sans"
+    """Its name, or ``"serif"``, ``"sans-serif"``."""
+    size: float = 8.0
+    """Of labels (pt)."""
+
+    def __post_init__(self) -> None:
+        if self.column not in _COLUMNS:
+            raise UsageError(f"column: found {self.column!r}; allowed are {', '.join(_COLUMNS)}")
+        if not 4.0 <= self.size <= 24.0:
+            raise UsageError(f"font size: found {self.size!r}; allowed are 4 to 24 pt")
+
+    @property
+    def width(self) -> float:
+        """Of figures (pt)."""
+        return _COLUMNS[self.column]
+
+
+_COLUMNS = {"single": 252.0, "double": 515.5}  # pt
+
+
+def printed(specs: Sequence[Spec], how: Print, *, across: bool = False) -> bytes:
+    """Draw charts as a PDF of exactly a column's width, to be included as it is.
+
+    Raises:
+        UsageError: If the font is not installed.
+    """
+    across = across and how.column == "double"
+    look = config(*_LIGHT, how.font, how.size * 11 / 12, 0.4 * how.width)
+    columns = len(specs) if across else 1
+    inner = how.width / columns - 60.0
+    for _ in range(4):  # what labels take beside the plots is known once they are drawn
+        charts = beside(_set(specs, how), across=across, width=inner, entry=10.0 * how.size)
+        spec = {**charts, "padding": 2}
+        content = drawn(spec, "pdf", look)
+        box = re.search(rb"/MediaBox\s*\[\s*\S+\s+\S+\s+(\S+)", content)
+        excess = float(box[1]) - how.width if box else 0.0
+        if abs(excess) < 1.0:
+            break
+        inner = max(inner - excess / columns, 30.0)
+    if b"/BaseFont" not in content:  # of a font that is not there nothing is drawn
+        raise UsageError(
+            f"font: {how.font!r} is not installed here; allowed are installed ones, 'serif' and "
+            "'sans-serif'"
+        )
+    return content
+
+
+def _set(specs: Sequence[Spec], how: Print) -> list[Spec]:
+    """Charts with the sizes that they state themselves in the print's."""
+
+    def sized(part: Any) -> Any:
+        if isinstance(part, list):
+            return [sized(item) for item in part]
+        if not isinstance(part, dict):
+            return part
+        own = {key: sized(value) for key, value in part.items() if key != "datasets"}
+        if "datasets" in part:
+            own["datasets"] = part["datasets"]
+        return own | ({"fontSize": how.size * 11 / 12} if "fontSize" in part else {})
+
+    share = how.size / 11.0 if how.column == "single" else 1.0
+    return [{**sized(spec), "height": share * spec["height"]} for spec in specs]
 
 
 def displayed(specs: Sequence[Spec]) -> Any:

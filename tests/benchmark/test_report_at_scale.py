@@ -42,6 +42,7 @@ from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
 from mobman.cli.bench import report_command
 from mobman.errors import MobmanError, RecordError, UsageError
+from mobman.figures.files import Print
 
 SUITE = {"name": "large", "description": "Made up"}
 THREE = {"good": 1e-8, "fair": 2e-8, "poor": 1e-2}
@@ -534,7 +535,8 @@ def test_latex_escapes_what_it_is_given():
     assert escape("50 % of a_b & {c} #1 ~x^2 \\d") == (
         r"50 \% of a\_b \& \{c\} \#1 \textasciitilde{}x\textasciicircum{}2 \textbackslash{}d"
     )
-    assert escape("1.5e-9 to ∞") == r"$1.5\cdot10^{-9}$ to $\infty$"
+    assert escape("1.5e-9 to ∞") == r"\num{1.5e-9} to $\infty$"
+    assert escape("1.5e-9 to 0.2") == r"\numrange{1.5e-9}{0.2}"
     assert escape("|e^e| (m)") == r"$\lVert e^e\rVert$ (m)"
     rows = [[Entry("part_1")], [Entry("x_y"), Entry("1e-3", "best")]]
     table = Table("c", [Entry("a", number=False), Entry("b")], rows)
@@ -544,10 +546,50 @@ def test_latex_escapes_what_it_is_given():
         r"a & b \\",
         r"\midrule",
         r"\addlinespace \multicolumn{2}{l}{part\_1} \\",
-        r"x\_y & {\boldmath\textbf{$1\cdot10^{-3}$}} \\",
+        r"x\_y & {\boldmath\textbf{\num{1e-3}}} \\",
         r"\bottomrule",
         r"\end{tabular}",
     ]
+
+
+def test_one_winner_is_bold_and_only_where_the_intervals_allow_it():
+    def bold(errors, cells):
+        found = board_of(results_of(made_up_runs(errors, SCENARIOS[:cells])))
+        return [row for row in latex_table(leaderboard_table(found)).splitlines() if "bold" in row]
+
+    far = {"best": 1e-9, "one": 1e-2, "other": 1e-2}
+    assert len(bold(far, 20)) == 1
+    assert "best" in bold(far, 20)[0]
+    assert bold(far, 3) == []
+    assert bold({**far, "one": 1e-9}, 20) == []
+    table = Table("c", [Entry("a")], [[Entry("1", "best")]])
+    assert "bold" not in latex_table(table, winners=False)
+
+
+@pytest.mark.parametrize(("column", "inches"), [("single", 3.5), ("double", 7.16)])
+def test_figures_are_of_the_columns_width_in_the_font(tmp_path, column, inches):
+    how = Print(column, "serif", 9.0)
+    write_latex(tmp_path, results_of(made_up_runs(THREE, SCENARIOS[:3])), (), how)
+    for path in tmp_path.glob("*.pdf"):
+        content = path.read_bytes()
+        width = float(re.search(rb"/MediaBox *\[ *0 0 ([0-9.]+)", content)[1])
+        assert width == pytest.approx(72.0 * inches, abs=1.5), path.name
+        assert b"Serif" in b"".join(re.findall(rb"/BaseFont */\S+", content))
+    example = (tmp_path / "example.tex").read_text(encoding="utf-8")
+    star = "*" if column == "double" else ""
+    assert rf"\begin{{figure{star}}}" in example
+    captions = re.findall(r"\\caption\{(.*)\}", example)
+    assert all("youbot" in caption and "circle" in caption for caption in captions)
+
+
+def test_a_font_that_is_not_there_is_told(tmp_path):
+    found = results_of(made_up_runs(THREE, SCENARIOS[:1]))
+    with pytest.raises(UsageError, match="'Nowhere Sans' is not installed"):
+        write_latex(tmp_path, found, (), Print(font="Nowhere Sans"))
+    assert not list(tmp_path.iterdir())
+    for wrong in ({"column": "triple"}, {"size": 1.0}):
+        with pytest.raises(UsageError, match="allowed are"):
+            Print(**wrong)
 
 
 @pytest.fixture(scope="module")

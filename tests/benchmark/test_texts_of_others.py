@@ -195,7 +195,7 @@ COMMANDS = set(
         r"\resizebox\ifdim\width\linewidth\else\fi\toprule\midrule\bottomrule\addlinespace"
         r"\multicolumn\boldmath\textbf\textbackslash\textasciitilde\textasciicircum\textless"
         r"\textgreater\textbar\textquotedbl\textasciigrave\infty\times\cdot\textsuperscript\textmu"
-        r"\to\ldots\lVert\rVert",
+        r"\to\ldots\lVert\rVert\num\numrange\sisetup",
         re.IGNORECASE,
     )
 )

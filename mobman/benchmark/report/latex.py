@@ -9,7 +9,7 @@ from pathlib import Path
 from mobman.benchmark.report import charts, tables
 from mobman.benchmark.report.charts import Figure
 from mobman.benchmark.report.data import DONE, Results
-from mobman.benchmark.report.format import slug
+from mobman.benchmark.report.format import listing, slug
 from mobman.benchmark.report.standings import EFFORTS, board_of, prices_of, select
 from mobman.benchmark.report.tables import Entry, Table
 from mobman.errors import MobmanError
@@ -54,19 +54,25 @@ _PAPERS = {
     "|v|²": r"$\lVert v\rVert^2$",
 }
 _EXPONENT = re.compile(r"(?<![\w.])(-?[0-9.]+)e(-?[0-9]+)\b")
-_PREAMBLE = r"""% Compiles by pdflatex, lualatex or xelatex, in this folder.
-\documentclass{article}
+_RANGE = re.compile(r"(-?[0-9.]+(?:e-?[0-9]+)?) to (-?[0-9.]+(?:e-?[0-9]+)?)")
+_MOST_NAMES = 4  # groups of a caption
+_PREAMBLE = r"""% Compiles by pdflatex, lualatex or xelatex, in this folder; figures have their size.
+\documentclass[twocolumn]{article}
 \usepackage[T1]{fontenc}
 \usepackage{textcomp}
 \usepackage{amsmath}
 \usepackage{booktabs}
 \usepackage{graphicx}
-\usepackage[margin=2cm]{geometry}
+\usepackage{siunitx}
+\usepackage[letterpaper,textwidth=516pt,textheight=680pt,columnsep=12pt]{geometry}
+\sisetup{detect-all,range-phrase={ to }}
 \begin{document}
 """
 
 
-def write_latex(folder: Path, results: Results, patterns: Sequence[str] = ()) -> list[Path]:
+def write_latex(
+    folder: Path, results: Results, patterns: Sequence[str] = (), how: files.Print | None = None
+) -> list[Path]:
     """Write tables (booktabs), figures (PDF) and ``example.tex``, which includes all of them.
 
     Args:
@@ -74,18 +80,22 @@ def write_latex(folder: Path, results: Results, patterns: Sequence[str] = ()) ->
         results: The runs.
         patterns: The first cell that one of them fits is the one whose errors and torques are drawn;
             by default the paper's, or else the first.
+        how: Column, font and its size.
 
     Raises:
         MobmanError: If they cannot be written.
         UsageError: If a pattern fits no cell.
     """
+    how = how or files.Print()
     contents, figures = _content(results, patterns)
-    texts = {f"{name}.tex": latex_table(table) for name, table in contents.items()}
-    texts["example.tex"] = _example(results.name, contents, figures)
+    texts = {
+        f"{name}.tex": latex_table(table, winners=name in _WITH_INTERVALS)
+        for name, table in contents.items()
+    }
+    texts["example.tex"] = _example(results, contents, figures, how)
     found = {folder / n: text.encode("utf-8", "backslashreplace") for n, text in texts.items()}
     for name, figure in figures.items():
-        spec = files.beside(figure.charts, across=figure.across)
-        found[folder / f"{name}.pdf"] = files.drawn(spec, "pdf")
+        found[folder / f"{name}.pdf"] = files.printed(figure.charts, how, across=figure.across)
     try:
         files.write_all(found)
     except MobmanError as error:
@@ -93,25 +103,36 @@ def write_latex(folder: Path, results: Results, patterns: Sequence[str] = ()) ->
     return list(found)
 
 
-def latex_table(table: Table) -> str:
+_WITH_INTERVALS = ("leaderboard", "families")
+"""Tables whose winners are bold: of one cell there is no interval that would allow it."""
+
+
+def latex_table(table: Table, *, winners: bool = True) -> str:
     """A table as a ``tabular`` with booktabs' rules, and nothing around it.
 
-    Numbers are in mathematics, right-aligned; no package but booktabs is needed.
+    Columns of numbers are right-aligned, numbers siunitx's.
+
+    Args:
+        table: The table.
+        winners: False for no bold entry.
     """
     columns = "".join("r" if item.number else "l" for item in table.columns)
     lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule"]
-    lines += [_row(table.columns), r"\midrule"]
+    lines += [_row(table.columns, False), r"\midrule"]
     for row in table.rows:
         if len(row) == 1 < len(columns):
             title = escape(row[0].text)
             lines.append(rf"\addlinespace \multicolumn{{{len(columns)}}}{{l}}{{{title}}} \\")
         else:
-            lines.append(_row(row))
+            lines.append(_row(row, winners))
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
 
 def escape(text: str) -> str:
-    """Text for LaTeX, with the paper's symbols and powers of ten set as such."""
+    """Text for LaTeX, with the paper's symbols, and numbers with powers of ten and their ranges as
+    siunitx's."""
+    if between := _RANGE.fullmatch(text):
+        return rf"\numrange{{{between[1]}}}{{{between[2]}}}"
     parts = re.split(
         "(" + "|".join(map(re.escape, _PAPERS)) + ")", printable(" ".join(text.split()))
     )
@@ -122,7 +143,7 @@ def _powers(text: str) -> str:
     found, end = [], 0
     for number in _EXPONENT.finditer(text):
         found.append(_plain(text[end : number.start()]))
-        found.append(rf"${number[1]}\cdot10^{{{int(number[2])}}}$")
+        found.append(rf"\num{{{number[1]}e{int(number[2])}}}")
         end = number.end()
     return "".join([*found, _plain(text[end:])])
 
@@ -131,15 +152,15 @@ def _plain(text: str) -> str:
     return "".join(_SYMBOLS.get(letter, letter) for letter in text)
 
 
-def _row(row: Sequence[Entry]) -> str:
-    return " & ".join(map(_entry, row)) + r" \\"
+def _row(row: Sequence[Entry], winners: bool) -> str:
+    return " & ".join(_entry(item, winners) for item in row) + r" \\"
 
 
-def _entry(item: Entry) -> str:
+def _entry(item: Entry, winners: bool) -> str:
     text = escape(item.text)
     if item.unit:
         text = f"{text} ({escape(item.unit)})"
-    if item.mark == "best" and text:
+    if winners and item.mark == "best" and text:
         # \boldmath: \textbf leaves mathematics as it is
         return rf"{{\boldmath\textbf{{{text}}}}}"
     return text
@@ -181,17 +202,33 @@ def _content(
     )
 
 
-def _example(title: str, contents: dict[str, Table], figures: dict[str, Figure]) -> str:
-    parts = [_PREAMBLE + rf"\section*{{Benchmark {escape(title)}}}"]
-    parts += [
-        _float("table", f"tab:{name}", escape(table.caption), _FIT.replace("NAME", name))
-        for name, table in contents.items()
-    ]
+def _example(
+    results: Results, contents: dict[str, Table], figures: dict[str, Figure], how: files.Print
+) -> str:
+    parts = [_PREAMBLE + rf"\section*{{Benchmark {escape(results.name)}}}"]
+    star, where = "*" * (how.column == "double"), _where(results)
+    for name, table in contents.items():
+        caption = table.caption if name.startswith("results-") else f"{table.caption}; {where}"
+        content = _FIT.replace("NAME", name)
+        parts.append(_float(f"table{star}", f"tab:{name}", escape(f"{caption}."), content))
     for name, figure in figures.items():
-        caption = escape(figure.charts[0]["description"]) + "."
-        included = rf"\includegraphics[width=\linewidth]{{{name}.pdf}}"
-        parts.append(_float("figure", f"fig:{name}", caption, included))
+        caption = figure.charts[0]["description"]
+        if not any(cell in caption for cell in results.cells.name):
+            caption = f"{caption}; {where}"
+        included = rf"\includegraphics[scale=1]{{{name}.pdf}}"
+        parts.append(_float(f"figure{star}", f"fig:{name}", escape(f"{caption}."), included))
     return "\n\n".join([*parts, r"\end{document}", ""])
+
+
+def _where(results: Results) -> str:
+    """Name the robots and tasks; of many, their numbers."""
+    if len(results.groups) <= _MOST_NAMES:
+        return " and ".join(group.replace(", ", " at the task ", 1) for group in results.groups)
+    robots, tasks = (list(results.cells[name].unique()) for name in ("robot", "task"))
+    return (
+        f"{listing(robots) if len(robots) <= _MOST_NAMES else f'{len(robots)} robots'} at "
+        f"{listing(tasks) if len(tasks) <= _MOST_NAMES else f'{len(tasks)} tasks'}"
+    )
 
 
 _FIT = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{\input{NAME}}"
@@ -199,4 +236,4 @@ _FIT = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{\input{N
 
 def _float(kind: str, label: str, caption: str, content: str) -> str:
     lines = [r"\centering", rf"\caption{{{caption}}}", rf"\label{{{label}}}", content]
-    return "\n".join([rf"\begin{{{kind}}}[htbp]", *lines, rf"\end{{{kind}}}"])
+    return "\n".join([rf"\begin{{{kind}}}[tp]", *lines, rf"\end{{{kind}}}"])

@@ -53,6 +53,7 @@ def report_on(
     output: str | os.PathLike[str] | None = None,
     cells: Sequence[str] = (),
     latex: str | os.PathLike[str] | None = None,
+    how: files.Print | None = None,
     write_replay: WriteReplay | None = None,
 ) -> ReportFiles:
     """Write the report of a folder of results, and its index.
@@ -65,6 +66,7 @@ def report_on(
             default all of them, or a selection where they are many.
         latex: A folder for LaTeX tables and vector figures; none by default. The errors and torques
             are those of the first of ``cells``, or of the suite's first cell.
+        how: Column, font and its size of LaTeX figures.
         write_replay: Writes the page ``replays/RUN_ID.html`` of a run, at its instant of failure if
             it ended early; by default none is written, and those that are there are linked if they
             are no older than their records.
@@ -82,7 +84,7 @@ def report_on(
     if latex is not None:
         from mobman.benchmark.report.latex import write_latex
 
-        write_latex(Path(latex), results, cells)
+        write_latex(Path(latex), results, cells, how)
     if output is None:
         store.rebuild_index()  # a folder of unknown origin may hold links to anywhere
     return written

@@ -170,9 +170,9 @@ def information_table(results: Results, board: Board) -> Table:
 
 
 def _leads(standing: Standing, others: Sequence[Standing]) -> bool:
-    """True for those that may be first, unless all may be."""
+    """True for one that all others are settled to be worse than."""
     firsts = [other for other in others if other.ranks is not None and other.ranks[0] == 1]
-    return standing in firsts and len(firsts) < len(others)
+    return len(others) > 1 and firsts == [standing]
 
 
 def families_table(board: Board, results: Results) -> Table:
@@ -319,7 +319,7 @@ def summary_table(results: Results, group: str) -> Table:
     totals = []
     for won, n in (tuple(tried.reindex(labels, fill_value=0).loc[label]) for label in labels):
         totals.append(Entry(f"{won} of {n}", "" if won == n else "bad"))
-    caption = "Largest |e^e| in the steady part (m)"
+    caption = f"{group}: largest |e^e| in the steady part (m)"
     rows: list[list[Entry]]
     if len(cells) <= _MOST_COLUMNS:
         rows = [
