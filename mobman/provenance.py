@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mobman.version import __version__
 
-_LIBRARIES = ("pin", "example-robot-data", "numpy", "scipy", "numba", "h5py")
+_LIBRARIES = ("pin", "example-robot-data", "numpy", "scipy", "numba", "h5py", "daqp")
 
 
 COMPUTING = ("mobman", "source", "python", "pin", "numpy", "scipy", "numba")

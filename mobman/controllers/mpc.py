@@ -79,8 +79,9 @@ class Node(NamedTuple):
 
 
 class PredictiveControl(LimitedMotors, ResolvedAcceleration):
-    r"""Receding horizon: of the motions :math:`\dot q = Cz`, :math:`\dot z = u`, piecewise constant, the
-    one with the least
+    r"""A receding horizon: the motion ahead that costs least within all limits, and computed torque.
+
+    It is that of :math:`\dot q = Cz`, :math:`\dot z = u`, u piecewise constant, with the least
 
     .. math:: \int |e|^2 + \tau^2|\dot e|^2 + \rho\,u^T\Omega^{-1}u
         + \mu\,(z - z_0)^T\Omega^{-1}(z - z_0)\,dt, \quad
