@@ -81,7 +81,7 @@ class Node(NamedTuple):
 class PredictiveControl(LimitedMotors, ResolvedAcceleration):
     r"""A receding horizon: the motion ahead that costs least within all limits, and computed torque.
 
-    It is that of :math:`\dot q = Cz`, :math:`\dot z = u`, u piecewise constant, with the least
+    Of the motions :math:`\dot q = Cz`, :math:`\dot z = u`, u piecewise constant, that with the least
 
     .. math:: \int |e|^2 + \tau^2|\dot e|^2 + \rho\,u^T\Omega^{-1}u
         + \mu\,(z - z_0)^T\Omega^{-1}(z - z_0)\,dt, \quad
@@ -120,6 +120,7 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
         self._limits = self.torque_limits(robot, self.gains.torque_limits)
         self._ahead, self._ticks = TaskSpace(robot, task), 0
         self._every = max(1, round(float(self.gains.period) / dt))
+        self._defined = getattr(task, "duration", None) or np.inf  # a task has no later times
         self.cost = np.zeros(1)
         super().reset(robot, task, dt)
         self._settings |= {"torque_limits": plain_limits(self._limits)}
@@ -132,7 +133,7 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
         return np.clip(v, -self._limits, self._limits)
 
     def signals(self) -> dict[str, Array]:
-        """The cost that the last solution predicts, shape (1,)."""
+        """The cost of the last solution, before the iteration that improved it, shape (1,)."""
         return {"mpc/cost": self.cost}
 
     def acceleration(
@@ -143,8 +144,7 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
         self._robot, self._now, self._middle = robot, space, Buffers(robot)
         self._root = np.sqrt(base_metric(robot))
         first = self._every * self._dt
-        last = max(float(gains.horizon), 2.0 * first)
-        self._ends = np.geomspace(first, last, int(gains.intervals))
+        self._ends = np.geomspace(first, max(float(gains.horizon), 2.0 * first), gains.intervals)
         h = self._h = np.diff(self._ends, prepend=0.0)
         self._U = np.zeros((len(h), nz))  # accelerations, in zeta = Omega^-1/2 z
         self._L = np.tril(np.tile(h, (len(h), 1)))  # zeta at the ends: zeta(0) + L U
@@ -156,7 +156,6 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
         self._slow = np.flatnonzero(np.isfinite(limits.joint_velocity))
         self._bounded = np.flatnonzero(np.isfinite(limits.lower) | np.isfinite(limits.upper))
         self._motors = np.flatnonzero(np.isfinite(self._limits))
-
         k_z = float(gains.k_z) / (1.0 + float(gains.k_z) * self._dt)  # stable at every dt
 
         def act() -> int:
@@ -178,14 +177,14 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
     def _improvement(self) -> Array:
         """The step of one iteration of Gauss-Newton from U, shape (intervals, nz)."""
         now, ahead, U, h, root = self._now, self._ahead, self._U, self._h, self._root
-        tau, rho, mu = (float(getattr(self.gains, name)) for name in ("tau", "rho", "mu"))
+        tau, rho, mu = float(self.gains.tau), float(self.gains.rho), float(self.gains.mu)
         m, size, limits = now.p, U.size, self._robot.limits
         # e and e' at the ends of the intervals, linear in U
         rows, values, zeta_0 = np.zeros((size, 2 * m * len(h))), [], []
         A, lower, upper = self._torque_bounds()
-        e_last, by_last = now.f - now.p_d[0], np.zeros((m, size))
+        e_last, by_last, last = now.f - now.p_d[0], np.zeros((m, size)), max(self._defined, self._t)
         for k, node in enumerate(self._predicted()):
-            ahead.at(self._t + float(self._ends[k]), node.q, node.z)
+            ahead.at(min(self._t + float(self._ends[k]), last), node.q, node.z)
             e, by = ahead.f - ahead.p_d[0], ahead.gradient() @ node.q_by_U
             weight, rate = np.sqrt(h[k]), tau / h[k]
             part = np.concatenate([by, rate * (by - by_last)])
@@ -225,8 +224,8 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
         now, at, root, U = self._now.now, self._middle, self._root, self._U
         own, place = self._robot.platform.equations, self._robot.platform_index
         rate, unit, alphas = np.zeros_like(at.N), np.eye(len(place)), self._robot.n_alpha
-        nq, nz, nodes = len(now.q), len(now.z), []
-        node = Node(now.q.copy(), self._z_r, np.zeros((nq, U.size)), np.zeros((nz, U.size)))
+        nz, nodes = len(now.z), []
+        node = Node(now.q.copy(), self._z_r, np.zeros((len(now.q), U.size)), np.zeros((nz, U.size)))
         for k, h in enumerate(self._h):
             at.q[:], at.z[:] = node.q, node.z
             at.velocity()

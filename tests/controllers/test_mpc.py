@@ -160,6 +160,20 @@ def test_it_looks_ahead(youbot):
         assert ("preview" in controllers.get(law).uses) == changed
 
 
+def test_it_asks_nothing_of_a_task_after_its_end(youbot):
+    start, asked = np.array(youbot.tip_pose(youbot.q_rest).translation), []
+
+    class Short(Stay):
+        duration = 0.1
+
+        def desired(self, t):
+            asked.append(t)
+            return super().desired(t)
+
+    assert mm.simulate(youbot, "mpc", Short(start), duration=0.1).ok
+    assert max(asked) == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize(("dt", "ticks"), [(1e-3, 20), (0.01, 2), (0.05, 1)])
 def test_period(dt, ticks, youbot):
     law, solved = mm.make_controller("mpc"), []
