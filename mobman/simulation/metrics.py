@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -61,6 +61,10 @@ class Run:
     """At which ticks the commanded torque met a limit of the actuation, shape (N,); None without one."""
     velocity_ratio: Array | None = None
     """Largest |q'| of a joint over its limit at the ticks, shape (N,); None if it was not kept."""
+    desired: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """p_d at the ticks (m), shape (N, min(m, 3))."""
+    ground: Mapping[str, Array] = field(default_factory=dict)
+    """Signals of the plant by name, N rows each; none of the ideal one."""
 
     @property
     def steady(self) -> Array:
@@ -97,7 +101,7 @@ class Metric:
     function: Function
     section: str = ""
     """Heading under which reports show it: ``"tracking"``, ``"redundancy"``, ``"effort"``,
-    ``"limits"``, ``"consistency"``, ``"timing"``; others come last."""
+    ``"limits"``, ``"ground"``, ``"consistency"``, ``"timing"``; others come last."""
     short: str = ""
     """Its name in the few lines that ``mobman run`` prints; empty if it is not among them."""
     applies: Callable[[Run], bool] | None = None

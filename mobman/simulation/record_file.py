@@ -73,6 +73,12 @@ _SIGNALS = {
     "sliding/s": ("m/s^2", "sliding variable of the kinematic stage, (31)"),
     APPLIED: ("N m or N", "torque that acts from this tick to the next"),
     "sliding/S": ("1/s^2 of its coordinate", "sliding variable of the dynamic stage, (51)"),
+    "contact/normal": ("N", "normal force on each foot that grips"),
+    "contact/friction": ("N", "friction on each"),
+    "contact/slip": ("m/s", "speed over the ground of the point of each that touches it"),
+    "contact/lift": ("m", "gap between each and the ground"),
+    "contact/base": ("m or rad", "height, roll and pitch of the platform's frame"),
+    "contact/tip": ("m", "position of the tip, with what the platform tilts and sinks"),
 }
 _DIMENSION_ONLY = "This is a netCDF dimension but not a netCDF variable. %10d"
 """The name in netCDF of a dimension without coordinates."""

@@ -333,4 +333,6 @@ def _run_of(loop: Loop) -> Run:
         criterion=loop.criterion,
         limited=None if samples.limited is None else samples.limited[:n],
         velocity_ratio=samples.velocity_ratio[:n],
+        desired=samples.desired[:n],
+        ground={name: samples.signals[name][:n] for name in loop.plant.signals()},
     )

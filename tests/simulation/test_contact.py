@@ -217,6 +217,23 @@ def test_runs_are_the_same_to_the_last_bit(tiago, tmp_path):
     assert 1e-5 < away < 1e-2
 
 
+def test_metrics_of_the_ground_are_those_of_its_signals(tiago):
+    record = mm.simulate(tiago, "pseudo-inverse", "circle", duration=0.05, scenario="contact")
+    found, signals = record.metrics, record.signals
+    slip = signals["contact/slip"]
+    assert found["slip_max"] == slip.max() > 0.0
+    assert found["slip_way"] == pytest.approx(1e-3 * slip.sum(axis=0).max(), rel=1e-12)
+    ratio = signals["contact/friction"] / signals["contact/normal"]
+    assert found["grip_used"] == ratio.max()
+    assert 0.001 < found["grip_used"] < 0.8
+    assert found["wheel_lift"] == 0.0
+    steady = record.t >= 0.7 * 0.05 - 1e-9
+    away = np.linalg.norm((signals["contact/tip"] - record.tip_desired)[steady], axis=1)
+    assert found["true_error_max"] == pytest.approx(away.max(), rel=1e-12)
+    ideal = mm.simulate(tiago, "time-delay", "circle", duration=0.01).metrics
+    assert not {"slip_max", "grip_used", "true_error_max"} & set(ideal)
+
+
 def test_friction_and_stops_act_on_the_ground_too(tiago):
     robot = tiago
     sticky = mm.Scenario(
@@ -271,5 +288,6 @@ def test_a_plant_of_its_usual_kind_leaves_no_trace():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", mm.list_robots())
 def test_every_robot_stands_and_drives_for_two_seconds(name):
-    record = mm.simulate(name, "time-delay", "circle", duration=2.0, scenario="contact")
-    assert np.isfinite(record.q).all()
+    record = mm.simulate(name, "tsm-null-space", "circle", duration=2.0, scenario="contact")
+    assert record.ok, record.message
+    assert np.linalg.norm(record.task_error[-1]) < 5e-3

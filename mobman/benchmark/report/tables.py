@@ -43,6 +43,7 @@ _SECTIONS = {
     "redundancy": "Redundancy",
     "effort": "Effort",
     "limits": "Limits of the robot",
+    "ground": "Wheels on the ground",
     "consistency": "Consistency of the simulation",
     "timing": "Computing time",
 }

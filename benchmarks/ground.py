@@ -1,0 +1,103 @@
+"""Tables of docs/ground.md: how hard ground approaches the ideal plant, and the least friction on which
+a law holds.
+
+    python benchmarks/ground.py convergence [ROBOT ...]
+    python benchmarks/ground.py friction [LAW ...] [--robot ROBOT] [--scenario SCENARIO]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import mobman as mm
+
+HOLDS = 1e-3
+"""m: a law holds where the tip's error stays below it in the steady part of a run."""
+SMOOTH = "pseudo-inverse"
+"""Law of the comparison with the ideal plant: it uses no z', and is smooth."""
+LAWS = ("tsm", "tsm-null-space", "time-delay", "extended-jacobian", "computed-torque-integral")
+_GROUNDS = ((1e-3, 1e-3, 5e-4), (1e-4, 1e-4, 2.5e-4), (1e-5, 1e-5, 1e-4), (1e-6, 1e-6, 5e-5))
+_LARGEST, _RATIO = 2.0, 1.05  # of the bisection: where it begins, and how near it comes
+
+
+def on_ground(scenario: str = "contact", **plant: float) -> mm.Scenario:
+    """The scenario ``contact`` with other fields of its plant, and the inertias of another one."""
+    fields = mm.load_scenario("contact").model_dump(mode="json")
+    if scenario != "contact":
+        other = mm.load_scenario(scenario)
+        fields |= {"mass_factor": other.mass_factor, "payload": other.payload}
+    return mm.Scenario(**{**fields, "name": "ground", "plant": {**fields["plant"], **plant}})
+
+
+def distance_to_ideal(
+    robot: str, deflection: float, creep: float, step: float, duration: float = 2.0
+) -> tuple[float, float]:
+    """How far the tip and the platform are from where they are on the ideal plant, at most (m)."""
+    scenario = on_ground(deflection=deflection, creep=creep, step=step)
+    found, ideal = (
+        mm.simulate(robot, SMOOTH, "circle", duration=duration, scenario=one)
+        for one in (scenario, "nominal")
+    )
+    if not found.ok:
+        return float("inf"), float("inf")
+    base = [found.joint_names.index(name) for name in ("base_x", "base_y")]
+    return (
+        float(np.linalg.norm(found.tip_position - ideal.tip_position, axis=1).max()),
+        float(np.linalg.norm((found.q - ideal.q)[:, base], axis=1).max()),
+    )
+
+
+def holds(robot: str, law: str, scenario: mm.Scenario, duration: float) -> mm.Record | None:
+    """The record of a run in which a law holds; None if it does not."""
+    record = mm.simulate(robot, law, "circle", duration=duration, scenario=scenario)
+    return record if record.ok and record.metrics["task_error_max"] < HOLDS else None
+
+
+def least_friction(
+    robot: str, law: str, scenario: str = "contact", duration: float = 10.0
+) -> tuple[float, float]:
+    """The least coefficient of friction on which a law holds, by bisection of its logarithm, and the
+    grip that it uses there; inf if it holds on none."""
+    high, low = _LARGEST, 0.01
+    record = holds(robot, law, on_ground(scenario, friction=high), duration)
+    if record is None:
+        return float("inf"), float("nan")
+    while high / low > _RATIO:
+        middle = float(np.sqrt(high * low))
+        other = holds(robot, law, on_ground(scenario, friction=middle), duration)
+        if other is None:
+            low = middle
+        else:
+            high, record = middle, other
+    return high, record.metrics["grip_used"]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print one of the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("table", choices=("convergence", "friction"))
+    parser.add_argument("names", nargs="*", help="robots, or laws")
+    parser.add_argument("--robot", default="tiago_no_hand")
+    parser.add_argument("--scenario", default="contact")
+    given: Any = parser.parse_args(arguments)
+    if given.table == "convergence":
+        print(
+            "| robot | deflection (m), creep (m/s) | tip (m) | platform (m) |\n| --- | --- | --- | --- |"
+        )
+        for robot in given.names or [given.robot]:
+            for ground in _GROUNDS:
+                tip, base = distance_to_ideal(robot, *ground)
+                print(f"| `{robot}` | {ground[0]:g} | {tip:.1e} | {base:.1e} |", flush=True)
+        return
+    print("| law | least friction | grip used there |\n| --- | --- | --- |")
+    for law in given.names or LAWS:
+        friction, grip = least_friction(given.robot, law, given.scenario)
+        print(f"| `{law}` | {friction:.3f} | {grip:.3f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
