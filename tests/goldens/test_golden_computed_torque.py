@@ -28,6 +28,7 @@ ROBOTS = (
     *("ridgeback_panda", "youbot_mecanum", "ridgeback_ur10", "tiago_pro"),  # omnidirectional
     *("hunter_ur10", "fixed_panda"),  # car-like, fixed
 )
+IN_CI = ("youbot", "tiago_no_hand", "ridgeback_panda", "hunter_ur10", "fixed_panda")
 DURATION, DT, INSTANTS, SEED = 0.5, 1e-3, 10, 5
 SAMPLES = ("q", "z", "torque", "task_error", "auxiliary_error")
 TOLERANCE = 1e-9
@@ -57,7 +58,9 @@ def deviations(found: dict, stored: dict):
     yield from differences(found, stored, TOLERANCE)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(
+    "name", [n if n in IN_CI else pytest.param(n, marks=pytest.mark.slow) for n in ROBOTS]
+)
 def test_runs_of_the_computed_torque_laws_are_those_stored(name):
     robot, stored = mm.load_robot(name), read(FILE)[name]
     problems = [

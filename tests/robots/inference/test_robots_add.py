@@ -308,7 +308,7 @@ def test_macros_are_to_be_expanded_first(run, tmp_path):
     [
         ("tiago.urdf", "hand_palm_link"),
         ("tiago_no_hand.urdf", "arm_tool_link"),
-        ("tiago_dual.urdf", "hand_right_palm_link"),
+        pytest.param("tiago_dual.urdf", "hand_right_palm_link", marks=pytest.mark.slow),
         ("tiago_dual.urdf", "hand_left_palm_link"),
     ],
 )
