@@ -14,7 +14,7 @@ PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # The results of the suite, which may be a name or a file.
 OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 
-.PHONY: bench test test-slow speed lint format pictures browser clean help
+.PHONY: bench test test-slow speed lint format claims pictures browser clean help
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -44,6 +44,9 @@ lint: $(VENV)/installed-test ## ruff, import-linter and mypy alone
 format: $(VENV)/installed-test ## let ruff format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+claims: $(VENV)/installed ## renew the numbers of README and docs that runs produced; fails if one drifted
+	$(BIN)/python docs/claims.py $(OPTIONS)
 
 pictures: bench $(VENV)/installed-film ## draw the pictures of README and docs; this needs a browser
 	$(BIN)/python docs/pictures.py $(OPTIONS) $(OUT) $(IMAGES)

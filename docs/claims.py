@@ -1,0 +1,168 @@
+"""Renew the numbers of README and docs that runs produced, and tell which drifted: ``make claims``.
+
+``claims.toml`` has them. Where a number drifted, page and table get the new one, and the exit status is
+1, so that the words around it are read again.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import mobman as mm
+from mobman.benchmark.suite import Suite
+from mobman.toml_model import read_toml
+
+DOCS = Path(__file__).parent
+TABLE = DOCS / "claims.toml"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A number on a page, and what gives it; the fields are explained in ``claims.toml``."""
+
+    claim: str
+    page: str
+    text: str
+    command: str
+    value: str
+    tolerance: float
+    sample: bool = False
+
+    def __post_init__(self) -> None:
+        if self.text.count("{}") != 1 or not self.tolerance > 1.0 or not float(self.value) > 0.0:
+            raise ValueError(f"{self.claim}: one {{}}, a tolerance above 1 and a value above 0")
+
+    @property
+    def path(self) -> Path:
+        """The page."""
+        return DOCS.parent / self.page
+
+    def written(self, value: str) -> re.Pattern[str]:
+        """The words with a value, across line breaks."""
+        words = re.escape(self.text.replace("{}", "\0")).replace(re.escape("\0"), "\0")
+        words = re.sub(r"(\\ )+", lambda _: r"\s+", words)
+        before, after = words.split("\0")
+        return re.compile(f"({before}){re.escape(value)}({after})")
+
+    def stands(self) -> bool:
+        """True if the page says so, once."""
+        return len(self.written(self.value).findall(self.path.read_text(encoding="utf-8"))) == 1
+
+    def holds(self, found: float) -> bool:
+        """True for a number within the tolerance."""
+        value = float(self.value)
+        return value / self.tolerance <= found <= value * self.tolerance
+
+    def renewed(self, found: float) -> str:
+        """A number, written as the value is."""
+        mantissa = self.value.lower().partition("e")[0]
+        digits = len(mantissa.replace(".", "").lstrip("0"))
+        if "e" in self.value:
+            number, exponent = f"{found:.{digits - 1}e}".split("e")
+            return f"{number}e{int(exponent)}"
+        return f"{float(f'{found:.{digits}g}'):g}"
+
+
+def claims(path: Path = TABLE) -> list[Claim]:
+    """All claims, in the order of the table."""
+    return [Claim(**entry) for entry in read_toml(path, "table of claims")["claims"]]
+
+
+# What commands use -----------------------------------------------------------------------------------
+
+
+def run(
+    law: str = "tsm",
+    robot: str = "youbot",
+    task: str = "paper",
+    *,
+    scenario: Any = None,
+    duration: float = 10.0,
+    dt: float = 1e-3,
+    **gains: Any,
+) -> mm.Record:
+    """A run, by default of the paper's task."""
+    law = mm.make_controller(law, **gains)
+    return mm.simulate(robot, law, task, scenario=scenario, duration=duration, dt=dt)
+
+
+def at(record: mm.Record, t: float) -> float:
+    """|e^e| at an instant (m)."""
+    return float(np.linalg.norm(record.task_error[np.searchsorted(record.t, t - 1e-9)]))
+
+
+def after(record: mm.Record, t: float) -> float:
+    """The largest |e^e| from an instant on (m)."""
+    return float(np.linalg.norm(record.task_error[record.t >= t], axis=1).max())
+
+
+def apart(one: mm.Record, other: mm.Record, name: str = "q") -> float:
+    """The largest difference of two runs' samples."""
+    return float(np.abs(getattr(one, name) - getattr(other, name)).max())
+
+
+def ends(record: mm.Record) -> float:
+    """When a run that diverges does (s); infinite for one that does not."""
+    return float(record.t[-1]) if record.status == "diverged" else np.inf
+
+
+def suite(name: str, *labels: str, **fields: Any) -> Any:
+    """The frame of a shipped suite's results, with other fields and these controllers alone; kept in
+    ``results/claims``."""
+    content = mm.load_suite(name).model_dump(mode="json", by_alias=True, exclude_unset=True)
+    content["controllers"] = {k: content["controllers"][k] for k in labels}
+    content |= {**fields, "name": f"{name}-claims"}
+    folder = DOCS.parent / "results" / "claims" / "-".join([name, *labels])
+    mm.run_suite(Suite.model_validate(content), folder, workers=2, report=False)
+    return mm.load_results(folder)
+
+
+def found_by(claim: Claim) -> float:
+    """The number that a claim's command gives."""
+    return float(eval(claim.command, globals()))  # the project's own table
+
+
+# Renewing --------------------------------------------------------------------------------------------
+
+
+def main(arguments: list[str]) -> int:
+    """Renew the claims, or those of a sample; the exit status."""
+    sample, drifted = arguments == ["--sample"], 0
+    for claim in claims():
+        if sample and not claim.sample:
+            continue
+        if not claim.stands():
+            print(f"{claim.page}: {claim.text.replace('{}', claim.value)!r} is not there, or twice")
+            drifted += 1
+            continue
+        found = found_by(claim)
+        if claim.holds(found):
+            print(f"{claim.page}: {claim.claim}: {claim.value}, found {found:.4g}")
+            continue
+        drifted += 1
+        print(f"{claim.page}: {claim.claim}: {claim.value} DRIFTED, found {found:.4g}")
+        if np.isfinite(found) and found > 0.0:
+            renew(claim, claim.renewed(found))
+    print(f"{drifted} drifted" if drifted else "all hold")
+    return 1 if drifted else 0
+
+
+def renew(claim: Claim, value: str, table: Path = TABLE) -> None:
+    """Write a claim's new value into its page and the table."""
+    page = claim.path.read_text(encoding="utf-8")
+    page = claim.written(claim.value).sub(lambda found: f"{found[1]}{value}{found[2]}", page)
+    text = table.read_text(encoding="utf-8")
+    begin = text.index(f'claim = "{claim.claim}"')
+    old, new = f'value = "{claim.value}"', f'value = "{value}"'
+    table.write_text(text[:begin] + text[begin:].replace(old, new, 1), encoding="utf-8")
+    claim.path.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
