@@ -12,6 +12,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 from pydantic import Field
+from scipy.linalg import null_space
+from scipy.spatial import ConvexHull
 
 from mobman.arrays import Array
 from mobman.compiled import bind, sequence
@@ -27,6 +29,7 @@ _LESSER = 1e-4  # weight of the rates that tell of z only what the others leave 
 _RUNAWAY = 1e5  # rad/s, m/s, and a thousandth of the accelerations: beyond it nothing is integrated
 _SETTLED, _MOST_SETTLING = 1e-9, 20_000  # m/s, rad/s; steps
 _HELD = 1e9  # kg m^2, kg: added to the joints while the tyres take the load
+_DIRECTIONS = 24  # of half a turn, in which traction is looked at
 _SERVO = 200.0  # rad/s, of the drives that keep modules at their angles
 
 
@@ -122,6 +125,41 @@ class Recorded(NamedTuple):
     """Height (m), roll and pitch (rad) of the platform's frame."""
     tip: Array
     """Position of the tip, with what the platform tilts and sinks (m)."""
+
+
+class Traction(NamedTuple):
+    """Largest accelerations that the ground gives a platform at rest, in its worst direction (m/s^2)."""
+
+    grip: float
+    """By friction of the driven wheels under their static load."""
+    tipping: float
+    """Beyond which what it stands on behind it carries nothing."""
+
+    def a_max(self, share: float = 0.5) -> float:
+        """The gain ``a_max`` of a sliding law that claims a share of it (m/s^2).
+
+        Half by default: a cap is on a norm, which may be exceeded by m^(2/9), and the arm's motion and
+        turning take their part.
+        """
+        return share * min(self.grip, self.tipping)
+
+
+def traction(robot: MobileManipulator, ground: MuJoCo | None = None) -> Traction:
+    """What the ground gives a robot at ``q_rest``, so that a start far away stays within it.
+
+    Args:
+        robot: The robot.
+        ground: Friction and tyres; those of :class:`MuJoCo` by default.
+
+    Raises:
+        SpecError: If the robot does not drive, or falls over.
+        UsageError: If MuJoCo is not installed.
+    """
+    given = MuJoCo() if ground is None else ground
+    plant = given.start(Setting(robot, given.step, np.random.default_rng(0)))(robot)
+    assert isinstance(plant, ContactPlant)
+    plant.own_state(robot.q_rest, given.step)
+    return plant.traction()
 
 
 class ContactPlant(Plant):
@@ -405,6 +443,41 @@ class ContactPlant(Plant):
         c, s = math.cos(angle), math.sin(angle)
         ahead = np.array([axis[1], -axis[0], 0.0])  # axis x z
         return np.array([c * ahead[0] - s * ahead[1], s * ahead[0] + c * ahead[1], 0.0])
+
+    def traction(self) -> Traction:
+        """What the ground gives in any direction in which the platform can drive straight on.
+
+        Raises:
+            SpecError: If it has no driven wheels.
+        """
+        self.look()
+        robot, data, platform = self.robot, self._data, self.robot.platform
+        driven = {platform.coordinates[i] for i in np.flatnonzero(self.now.platform_B.any(axis=1))}
+        driven |= {gear.joint for gear in platform.geared if gear.of in driven}
+        wheels = [i for i, foot in enumerate(self._wheels) if foot.name in driven]
+        if not wheels:
+            raise SpecError(f"robot {robot.name!r} has no driven wheels, by which it had traction")
+        mass = pin.computeTotalMass(robot.model)
+        g = float(np.linalg.norm(robot.model.gravity.linear))
+        straight = self.now.N[:2] @ null_space(self.now.N[2:3])
+        basis, size, _ = np.linalg.svd(straight)
+        angles = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
+        turned = np.array([np.cos(angles), np.sin(angles)])
+        ways = (basis @ turned).T if np.sum(size > 1e-6 * size[0]) > 1 else basis[:, :1].T
+        force = np.zeros(len(ways))
+        for i in wheels:
+            along = np.ones(len(ways))
+            if self._wheels[i].directed:
+                along = np.abs(ways @ self._direction(i)[:2])
+            force += self._given.friction * self.recorded.normal[i] * along
+        feet = np.array([data.geom_xpos[self._model.geom(foot.name).id] for foot in self._feet])
+        centre = data.subtree_com[0]
+        edges = ConvexHull(feet[:, :2]).equations
+        leaning = np.abs(ways @ edges[:, :2].T).max(axis=0)
+        room = -(edges[:, :2] @ centre[:2] + edges[:, 2])
+        with np.errstate(divide="ignore"):
+            tipping = g * room / (centre[2] * leaning)
+        return Traction(float(force.min()) / mass, float(tipping.min()))
 
     # Measurement ---------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ import pytest
 import mobman as mm
 from mobman.errors import SpecError, UsageError
 from mobman.simulation import rerun
-from mobman.simulation.contact import ContactPlant, MuJoCo
+from mobman.simulation.contact import ContactPlant, MuJoCo, traction
 from mobman.simulation.integrator import RungeKutta
 from mobman.simulation.plant import Plant
 
@@ -232,6 +232,41 @@ def test_metrics_of_the_ground_are_those_of_its_signals(tiago):
     assert found["true_error_max"] == pytest.approx(away.max(), rel=1e-12)
     ideal = mm.simulate(tiago, "time-delay", "circle", duration=0.01).metrics
     assert not {"slip_max", "grip_used", "true_error_max"} & set(ideal)
+
+
+def test_traction_is_the_acceleration_at_which_wheels_slip(tiago):
+    robot = tiago
+    limit = traction(robot, MuJoCo(friction=0.3))
+    assert limit.grip < limit.tipping
+    assert traction(robot, MuJoCo(friction=0.6)).grip == pytest.approx(2.0 * limit.grip, rel=1e-9)
+    x, _, _, *wheels = robot.platform_index
+    ways = []
+    for share in (0.7, 1.5):
+        z_dot = np.zeros(robot.nz)
+        z_dot[:2] = share * limit.grip / robot.platform.radius
+        plant, state = _standing(robot, friction=0.3)
+        _go(robot, state, plant, _accelerating(robot, z_dot), 0.1)
+        way = plant.now.q - robot.q_rest
+        ways.append(robot.platform.radius * way[wheels].mean() - way[x])
+    # on the way of 1 cm, and 2 cm
+    assert abs(ways[0]) < 1e-4
+    assert ways[1] > 1e-3
+    with pytest.raises(SpecError, match="no driven wheels"):
+        traction(mm.load_robot("kmr_iiwa"))
+
+
+def test_caps_by_traction_keep_a_start_far_away_on_the_wheels(tiago):
+    far = mm.Scenario(**{**mm.load_scenario("contact").model_dump(), "name": "far"})
+    far = far.model_copy(update={"start_offset": 4.0})
+    caps = {"v_max": 1.0, "a_max": traction(tiago).a_max()}
+    capped, free = (
+        mm.simulate(tiago, mm.make_controller("tsm", **gains), "circle", duration=0.6, scenario=far)
+        for gains in (caps, {})
+    )
+    assert capped.ok
+    assert capped.metrics["wheel_lift"] == 0.0
+    assert capped.metrics["grip_used"] < 0.8
+    assert not free.ok or np.max(free.signals["contact/lift"]) > 0.01
 
 
 def test_friction_and_stops_act_on_the_ground_too(tiago):
