@@ -327,12 +327,22 @@ class ContactPlant(Plant):
         """See :class:`RungeKutta`: nothing is to be done before a step."""
 
     def step(self, t: float) -> None:
-        """Go on from t to t + h under the plant's torque."""
-        data, now = self._data, self.now
-        self._model.opt.timestep = h = float(self.h[0])
+        """Go on from t to t + h under the plant's torque; q is NaN from where the state runs away."""
+        if np.isnan(self.now.q[0]):
+            return
         if self.disturbed:
             self.disturb(t)
-        total = self.forces.total
+        try:
+            within = self._advance(float(self.h[0]))
+        except UsageError:  # no angles of the steering belong to the state any more
+            within = False
+        if not within:
+            self.now.q[:] = np.nan
+
+    def _advance(self, h: float) -> bool:
+        """A step of h; False, and none, where the state runs away."""
+        data, now, total = self._data, self.now, self.forces.total
+        self._model.opt.timestep = h
         if self._resist is not None:
             self._resist()
         np.add(self.v, self.forces.d, out=total)
@@ -341,8 +351,7 @@ class ContactPlant(Plant):
             np.abs(data.qvel).max(initial=0.0) < _RUNAWAY
             and np.abs(force).max(initial=0.0) < 1e3 * _RUNAWAY
         ):
-            now.q[:] = np.nan  # diverged
-            return
+            return False
         before = now.z.copy()
         power = float(force @ data.qvel)
         self._integrate(force)
@@ -350,6 +359,7 @@ class ContactPlant(Plant):
         self._measure()
         np.subtract(now.z, before, out=self._z_dot)
         self._z_dot /= h
+        return True
 
     def _resistances(self) -> Callable[[], int] | None:
         """What fills the torques of friction and stops at a state; None if there are neither."""

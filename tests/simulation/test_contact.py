@@ -7,6 +7,7 @@ import importlib.util
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.runs import Torque
 
 import mobman as mm
 from mobman.errors import SpecError, UsageError
@@ -281,6 +282,22 @@ def test_friction_and_stops_act_on_the_ground_too(tiago):
         for one in (_contact(), sticky)
     )
     assert np.abs(braked.torque[-1] - free.torque[-1]).max() > 1e-3
+
+
+@pytest.mark.parametrize("name", ["ranger_xarm7", "youbot_mecanum", "kmr_iiwa", "fixed_panda"])
+@pytest.mark.parametrize("size", [1e4, 1e12])
+def test_torques_beyond_all_bounds_end_the_run_as_diverged(
+    name, size, capfd, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    robot = mm.load_robot(name)
+    wild = Torque(lambda t: size * np.linspace(-1.0, 1.0, robot.nz))
+    record = mm.simulate(robot, wild, "circle", duration=0.2, scenario="contact")
+    assert record.status == "diverged"
+    assert np.isfinite(record.q).all()
+    # MuJoCo warns in a file of its own, and on the terminal
+    assert not list(tmp_path.iterdir())
+    assert "WARNING" not in "".join(capfd.readouterr())
 
 
 def test_slip_by_construction_is_refused(tiago):
