@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from mobman.arrays import Array, Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.baselines import ExtendedGains, ExtendedJacobianControl
+from mobman.controllers.baselines import ExtendedJacobianControl, TrackingGains
 from mobman.controllers.bounds import sampled_states
 from mobman.controllers.gains import gain, require_positive
 from mobman.controllers.protocol import controllers
@@ -26,7 +26,7 @@ _SAMPLES = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdaptiveGains(ExtendedGains):
+class AdaptiveGains(TrackingGains):
     """Gains of the outer loop, of the velocity's error, and of the adaptation."""
 
     k_d: float = gain(40.0, "s^-1", "damping of the velocity's error, -k_d M s")

@@ -13,16 +13,15 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
+from mobman.controllers.criterion_gains import CriterionGains
 from mobman.controllers.gains import (
-    Diagonal,
     as_settings,
     gain,
     require_not_negative,
     require_positive,
-    require_positive_diagonal,
 )
 from mobman.controllers.protocol import DisplayedLaw, controllers
-from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
+from mobman.controllers.task_errors import Stop, TaskSpace, desired
 from mobman.linalg import (
     apply,
     apply_transpose,
@@ -40,13 +39,14 @@ from mobman.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackingGains:
-    """Gains of the resolved acceleration p_d'' - K_v e' - K_p e."""
+class TrackingGains(CriterionGains):
+    """Gains of the resolved acceleration p_d'' - K_v e' - K_p e, and of the criterion."""
 
     K_p: float = gain(25.0, "s^-2", "stiffness of the task error")
     K_v: float = gain(10.0, "s^-1", "damping of the task error; 2 sqrt(K_p) is critical")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_positive(self, "K_p", "K_v")
 
 
@@ -56,17 +56,10 @@ class RedundancyGains(TrackingGains):
 
     k_0: float = gain(20.0, "s^-2", "null-space descent of the criterion, -k_0 C^T dF/dq")
     k_d: float = gain(4.0, "s^-1", "null-space damping, -k_d z")
-    c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
-    K_F: Diagonal | None = gain(
-        None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_not_negative(self, "k_0", "k_d")
-        require_positive(self, "c_F")
-        if self.K_F is not None:
-            require_positive_diagonal(self, "K_F")
 
 
 class ResolvedAcceleration(DisplayedLaw):
@@ -100,7 +93,7 @@ class ResolvedAcceleration(DisplayedLaw):
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again, with the axes of e^a, integrals and estimates as new."""
         self._dt = dt
-        self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F, task)
+        self.criterion = self.gains.criterion(robot, task)
         self._settings = as_settings(self.gains) | {"K_F": self.criterion.weights.tolist()}
         space = self._space = TaskSpace(robot, task, self.criterion if self.extended else None)
         now = space.now
@@ -259,22 +252,6 @@ class DampedLeastSquares(PseudoInverse):
 controllers.register(DampedLeastSquares.name, DampedLeastSquares)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExtendedGains(TrackingGains):
-    """Gains of the resolved acceleration, and the criterion that extends the task."""
-
-    c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
-    K_F: Diagonal | None = gain(
-        None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "c_F")
-        if self.K_F is not None:
-            require_positive_diagonal(self, "K_F")
-
-
 class ExtendedJacobianControl(ResolvedAcceleration):
     r"""Input-output linearisation of the extended task (13), and computed torque:
 
@@ -286,7 +263,7 @@ class ExtendedJacobianControl(ResolvedAcceleration):
     """
 
     name = "extended-jacobian"
-    Gains = ExtendedGains
+    Gains = TrackingGains
     extended = True
 
     def acceleration(

@@ -10,8 +10,8 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel
 from mobman.controllers.baselines import (
-    ExtendedGains,
     ExtendedJacobianControl,
+    TrackingGains,
     tracking_acceleration,
 )
 from mobman.controllers.gains import gain, require_not_negative
@@ -23,7 +23,7 @@ from mobman.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
-class IntegralGains(ExtendedGains):
+class IntegralGains(TrackingGains):
     """Gains of p_d'' - K_v e' - K_p e - K_i (integral of e); by default three poles at -5 /s."""
 
     K_p: float = gain(75.0, "s^-2", "stiffness of the task error")

@@ -10,7 +10,7 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.baselines import ExtendedGains, ExtendedJacobianControl, computed_torque
+from mobman.controllers.baselines import ExtendedJacobianControl, TrackingGains, computed_torque
 from mobman.controllers.gains import gain, require_positive
 from mobman.controllers.protocol import controllers
 from mobman.linalg import dot
@@ -18,7 +18,7 @@ from mobman.model.dynamics import Buffers
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObserverGains(ExtendedGains):
+class ObserverGains(TrackingGains):
     """Gains of the outer loop, and the observer's bandwidth."""
 
     K_O: float = gain(100.0, "s^-1", "bandwidth of the observer")

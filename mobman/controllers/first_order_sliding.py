@@ -10,13 +10,12 @@ from typing import Any
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel
 from mobman.controllers.baselines import ExtendedJacobianControl
+from mobman.controllers.criterion_gains import CriterionGains
 from mobman.controllers.gains import (
     Auto,
-    Diagonal,
     gain,
     require_bound,
     require_positive,
-    require_positive_diagonal,
 )
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import TaskSpace, desired
@@ -28,19 +27,14 @@ _LAYER = 5.0  # ticks: in the layer the sampled loop's pole is then at 1 - 1/5
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlidingSurfaceGains:
+class SlidingSurfaceGains(CriterionGains):
     """Gains of the surface sigma = e' + Lambda e, and the criterion that extends the task."""
 
     Lambda: float = gain(5.0, "s^-1", "slope of the sliding surface e' + Lambda e = 0")
-    c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
-    K_F: Diagonal | None = gain(
-        None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
-    )
 
     def __post_init__(self) -> None:
-        require_positive(self, "Lambda", "c_F")
-        if self.K_F is not None:
-            require_positive_diagonal(self, "K_F")
+        super().__post_init__()
+        require_positive(self, "Lambda")
 
 
 @dataclass(frozen=True, kw_only=True)

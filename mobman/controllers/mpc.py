@@ -10,12 +10,11 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.controllers.baselines import ResolvedAcceleration
+from mobman.controllers.criterion_gains import CriterionGains
 from mobman.controllers.gains import (
-    Diagonal,
     gain,
     require_not_negative,
     require_positive,
-    require_positive_diagonal,
 )
 from mobman.controllers.limits import (
     LimitedMotors,
@@ -35,7 +34,7 @@ from mobman.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictiveGains:
+class PredictiveGains(CriterionGains):
     """Horizon and weights."""
 
     period: float = gain(0.02, "s", "time from one solution to the next, a multiple of dt")
@@ -48,18 +47,13 @@ class PredictiveGains:
     mu: float = gain(1e-4, "s^2", "weight of z - z_0, what the tip leaves free")
     k_0: float = gain(2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion")
     k_z: float = gain(40.0, "s^-1", "rate at which z follows what is planned, at every tick")
-    c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
-    K_F: Diagonal | None = gain(
-        None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
-    )
     torque_limits: TorqueLimits = gain(None, "N m, N", "limits of |v|, by default those that act")
 
     def __post_init__(self) -> None:
-        require_positive(self, "period", "horizon", "tau", "rho", "mu", "c_F")
+        super().__post_init__()
+        require_positive(self, "period", "horizon", "tau", "rho", "mu")
         require_not_negative(self, "k_0", "k_z")
         require_torque_limits(self.torque_limits)
-        if self.K_F is not None:
-            require_positive_diagonal(self, "K_F")
         number = self.intervals
         if isinstance(number, bool) or not isinstance(number, int) or not 2 <= number <= 50:
             raise GainError(f"intervals = {number!r}: must be a whole number from 2 to 50")

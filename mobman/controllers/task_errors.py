@@ -10,10 +10,9 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.gains import Diagonal, diagonal
 from mobman.errors import SingularityError, UsageError
 from mobman.linalg import dot, multiply
-from mobman.model.criterion import Criterion, Posture
+from mobman.model.criterion import Criterion
 from mobman.model.dynamics import Buffers
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -158,26 +157,3 @@ def tip_rates(
 def desired(p_d: Matrix, order: int, i: int) -> float:
     """Component i of a derivative of p_d; 0 for the auxiliary coordinates, p_d^a = 0 under (13)."""
     return p_d[order, i] if i < p_d.shape[1] else 0.0
-
-
-def posture_criterion(
-    robot: MobileManipulator, c_F: float, K_F: Diagonal | None, task: Task | None = None
-) -> Posture:
-    """The criterion (12) of a law.
-
-    Args:
-        robot: The nominal robot.
-        c_F: Its factor.
-        K_F: Diagonal of its weights; if None the task's ``criterion_weights(robot)`` where it has that
-            method, else the robot's own. The robot's couplings stay.
-        task: The task.
-
-    Raises:
-        GainError: If K_F has not one weight for each coordinate of q.
-    """
-    if K_F is None:
-        own = getattr(task, "criterion_weights", None)
-        weights = robot.criterion_weights if own is None else own(robot)
-    else:
-        weights = diagonal("K_F", K_F, robot.nq)
-    return Posture(weights, robot.q_rest, c_F, robot.criterion_couplings)

@@ -10,8 +10,8 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.compiled import bind, sequence
 from mobman.controllers.baselines import (
-    ExtendedGains,
     ResolvedAcceleration,
+    TrackingGains,
     tracking_acceleration,
 )
 from mobman.controllers.gains import gain, require_not_negative, require_positive
@@ -29,7 +29,7 @@ _UNBOUNDED_ZONE = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class PriorityGains(ExtendedGains):
+class PriorityGains(TrackingGains):
     """Gains of the tip's task, of the secondary one, and of the inverse near singularities."""
 
     k_d: float = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")

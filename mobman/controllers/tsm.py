@@ -19,6 +19,7 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.bounds import actuation_bound, inertia_bound, jacobian_bound
+from mobman.controllers.criterion_gains import CriterionGains
 from mobman.controllers.damped import Damping, damp
 from mobman.controllers.delay import UnderWay, automatic_metric_scale, predict_acceleration
 from mobman.controllers.gains import (
@@ -49,7 +50,7 @@ from mobman.controllers.limits import (
     require_torque_limits,
 )
 from mobman.controllers.protocol import DisplayedLaw, controllers
-from mobman.controllers.task_errors import Stop, TaskSpace, desired, posture_criterion
+from mobman.controllers.task_errors import Stop, TaskSpace, desired
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
 from mobman.errors import GainError
 from mobman.linalg import apply_transpose, dot, gram, norm, solve
@@ -60,7 +61,7 @@ _MIXED = "mixed, see docs/theory.md"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CascadeGains:
+class CascadeGains(CriterionGains):
     """Gains of both stages, and how they are sampled, but for the powers; defaults are the paper's,
     section 4, but for ``a`` and ``A``."""
 
@@ -90,10 +91,6 @@ class CascadeGains:
     w_2: float = gain(0.001, "rad^-1", "growth of that bound with |q - q_rest|, (21)")
     w_3k: float = gain(2.0, "1", "factor of |v_ref||z| in W, (34)")
     w_4k: float = gain(3.0, "1", "factor of |z|^3 in W, (34)")
-    c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
-    K_F: Diagonal | None = gain(
-        None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
-    )
     discretization: Literal["implicit", "explicit"] = gain(
         "implicit", "", "of the unit vectors: implicit, explicit"
     )
@@ -126,8 +123,9 @@ class CascadeGains:
     )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_positive_diagonal(self, "lambda_0", "lambda_1", "lambda_2", "Lambda_0", "Lambda_1")
-        require_positive(self, "c_0", "w_1", "w_2", "w_3k", "w_4k", "C_0", "c_F", "lightest")
+        require_positive(self, "c_0", "w_1", "w_2", "w_3k", "w_4k", "C_0", "lightest")
         require_not_negative(self, "w_3", "w_4", "w_5", "w_6", "w_7", "w_8", "w_9")
         require_not_negative(self, "beta_0", "beta_1", "boundary_layer", "damping")
         require_bound(self, "metric_scale", "it is a factor of an inertia")
@@ -144,8 +142,6 @@ class CascadeGains:
             raise GainError(
                 f"damping = {self.damping!r}: only the implicit form has a damped stage; allowed: 0"
             )
-        if self.K_F is not None:
-            require_positive_diagonal(self, "K_F")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -443,7 +439,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             GainError: If a gain has the wrong length for the robot.
         """
         self._task = task
-        self.criterion = posture_criterion(robot, self.gains.c_F, self.gains.K_F, task)
+        self.criterion = self.gains.criterion(robot, task)
         space = self._space = self._task_space(robot, task)
         a, A = self._bounds(robot, task)
         K_F = self.criterion.weights.tolist()

@@ -11,8 +11,8 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.compiled import bind, sequence
 from mobman.controllers.baselines import (
-    ExtendedGains,
     ResolvedAcceleration,
+    TrackingGains,
     tracking_acceleration,
 )
 from mobman.controllers.gains import gain, require_not_negative, require_positive
@@ -31,7 +31,7 @@ from mobman.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
-class WholeBodyGains(ExtendedGains):
+class WholeBodyGains(TrackingGains):
     """Gains of the tip's task, of what it leaves free, and of the approach to limits."""
 
     k_d: float = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")

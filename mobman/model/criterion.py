@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
+from pydantic import Field
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel
 from mobman.errors import UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.registry import Registry
+from mobman.toml_model import Strict
 
 
 class Criterion(Protocol):
@@ -36,6 +39,25 @@ class Criterion(Protocol):
     def hessian_rate(self, q: Array, q_dot: Array) -> Array:
         """dH/dt along q', shape (nq, nq)."""
         ...
+
+
+class Term(Strict):
+    """Base of what may be added to the posture criterion: its fields are its parameters."""
+
+    weight: float = Field(gt=0)
+    """Factor; a term says what has this for its unit."""
+
+    def on(self, robot: MobileManipulator) -> Criterion:
+        """The term for a robot.
+
+        Raises:
+            UsageError: If it means nothing for this robot.
+        """
+        raise NotImplementedError
+
+
+criteria: Registry[type[Term]] = Registry("criterion", "mobman.model", "mobman.criteria")
+"""Terms by name; each a module of this folder that registers it."""
 
 
 def criterion_entry(
@@ -130,6 +152,38 @@ class Posture:
         if self._coupled:
             return bind(_coupled_gradient, self._hessian, q, self.q_rest, gradient)
         return bind(_gradient, self._diagonal, q, self.q_rest, gradient)
+
+
+class Sum:
+    """The posture criterion and terms that are added to it.
+
+    Args:
+        posture: What is there in any case.
+        terms: At least one.
+    """
+
+    def __init__(self, posture: Posture, terms: Sequence[Criterion]) -> None:
+        self.weights = posture.weights
+        self._parts: tuple[Criterion, ...] = (posture, *terms)
+
+    def value(self, q: Array) -> float:
+        """F(q)."""
+        return sum(part.value(q) for part in self._parts)
+
+    def gradient(self, q: Array) -> Array:
+        """dF/dq, shape (nq,)."""
+        total: Array = np.sum([part.gradient(q) for part in self._parts], axis=0)
+        return total
+
+    def hessian(self, q: Array) -> Array:
+        """d2F/dq2, shape (nq, nq)."""
+        total: Array = np.sum([part.hessian(q) for part in self._parts], axis=0)
+        return total
+
+    def hessian_rate(self, q: Array, q_dot: Array) -> Array:
+        """dH/dt along q', shape (nq, nq)."""
+        total: Array = np.sum([part.hessian_rate(q, q_dot) for part in self._parts], axis=0)
+        return total
 
 
 @kernel

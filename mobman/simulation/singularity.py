@@ -17,7 +17,8 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.controllers.bounds import jacobian_bound
-from mobman.controllers.task_errors import TaskSpace, posture_criterion
+from mobman.controllers.criterion_gains import posture_criterion
+from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import MobmanError, SingularityError
 from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian

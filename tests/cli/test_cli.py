@@ -144,7 +144,7 @@ def test_help_without_arguments():
 def test_bench_list():
     assert "paper" in mobman("bench", "list").stdout
     rows = json.loads(mobman("bench", "list", "--json").stdout)
-    assert next(row for row in rows if row["name"] == "paper")["runs"] == 56
+    assert next(row for row in rows if row["name"] == "paper")["runs"] == 168
 
 
 def test_bench_run_and_report(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from support.errors import largest_after, size_at
 
 import mobman as mm
-from mobman.controllers.task_errors import posture_criterion
+from mobman.controllers.criterion_gains import posture_criterion
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
 

@@ -8,7 +8,7 @@ from support.variants import description
 
 import mobman as mm
 from mobman.checks.checks import run_checks
-from mobman.controllers.task_errors import posture_criterion
+from mobman.controllers.criterion_gains import posture_criterion
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
 from mobman.simulation.singularity import nearest_limit, predict_singularity
