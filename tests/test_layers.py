@@ -70,3 +70,11 @@ def test_contracts_see_an_import_upward_and_one_in_a_circle(tmp_path):
         assert status == 1
         assert "broken" in text.lower()
         path.write_text(before, encoding="utf-8")
+
+
+def test_no_class_has_the_name_of_another():
+    found: dict[str, list[str]] = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for name in re.findall(r"^class (\w+)", path.read_text(encoding="utf-8"), re.MULTILINE):
+            found.setdefault(name, []).append(str(path.relative_to(PACKAGE)))
+    assert {name: paths for name, paths in found.items() if len(paths) > 1} == {}

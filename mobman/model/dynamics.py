@@ -18,7 +18,7 @@ from mobman.arrays import Array, Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.linalg import apply
 from mobman.model.platforms.platform import (
-    Arm,
+    ArmJoints,
     Motion,
     Platform,
     assemble_constraints,
@@ -33,7 +33,7 @@ class Structure(Protocol):
     model: pin.Model
     platform: Platform
     platform_index: Index
-    arm: Arm
+    arm: ArmJoints
     following_rows: Array
     q_rest: Array
     nq: int
@@ -193,7 +193,7 @@ def symmetric(matrix: Columns, i: int, j: int) -> float:
 def reduced_inertia(
     inertia: Columns,
     platform_index: Index,
-    arm: Arm,
+    arm: ArmJoints,
     N: Matrix,
     actuation: Matrix,
     M: Matrix,
@@ -251,7 +251,7 @@ def reduced_bias(
     inertia: Columns,
     nonlinear: Vector,
     platform_index: Index,
-    arm: Arm,
+    arm: ArmJoints,
     N: Matrix,
     C_dot_z: Vector,
     bias: Vector,

@@ -37,7 +37,7 @@ from mobman.model.criterion import Criterion, criterion_entry
 from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.orientation import REASONS
-from mobman.model.platforms.platform import Arm
+from mobman.model.platforms.platform import ArmJoints
 from mobman.model.task_map import (
     TaskMap,
     add_task_hessian,
@@ -76,7 +76,7 @@ class Given(NamedTuple):
     """The robot and the criterion at a state, see :class:`mobman.model.dynamics.Buffers`."""
 
     platform_index: Index
-    arm: Arm
+    arm: ArmJoints
     tip: Vector
     tip_jacobian: Matrix
     tip_jacobian_rate: Matrix

@@ -14,7 +14,7 @@ from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.display import Displayed, Shown
 from mobman.errors import ModelError, UsageError
 from mobman.model.dynamics import Buffers
-from mobman.model.platforms.platform import Arm, Platform
+from mobman.model.platforms.platform import ArmJoints, Platform
 from mobman.robots.spec import RobotSpec
 from mobman.robots.urdf.read import UrdfSources
 
@@ -169,7 +169,7 @@ class MobileManipulator(Displayed):
         motors = [i for i in every if i not in driven]
         self.arm_index = np.array(motors, dtype=np.int64)
         of = [driven.get(i, (i, 1.0)) for i in every]
-        self.arm = Arm(
+        self.arm = ArmJoints(
             np.array(every, dtype=np.int64),
             np.array([motors.index(motor) for motor, _ in of], dtype=np.int64),
             np.array([ratio for _, ratio in of]),

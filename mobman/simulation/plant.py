@@ -15,7 +15,7 @@ from mobman.errors import SingularityError, SpecError
 from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, dot
 from mobman.model.dynamics import Buffers, reduced_bias, reduced_inertia
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.platforms.platform import Arm
+from mobman.model.platforms.platform import ArmJoints
 from mobman.simulation.disturbances import Torque
 from mobman.simulation.friction import Resistance
 from mobman.simulation.pieces import PACKAGE, Piece, Setting, Types
@@ -234,7 +234,7 @@ def _dynamics(
     inertia: Columns,
     nonlinear: Vector,
     platform_index: Index,
-    arm: Arm,
+    arm: ArmJoints,
     N: Matrix,
     platform_B: Matrix,
     C_dot_z: Vector,

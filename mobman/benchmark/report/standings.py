@@ -13,7 +13,7 @@ import pandas as pd
 
 from mobman.benchmark.report.data import DONE, Results
 from mobman.benchmark.statistics import (
-    Comparison,
+    Difference,
     Interval,
     SuccessComparison,
     adjust,
@@ -75,7 +75,7 @@ class Pair:
 
     a: str
     b: str
-    error: Comparison
+    error: Difference
     error_p: float
     """p-value of the errors, corrected for all pairs."""
     success: SuccessComparison

@@ -5,7 +5,7 @@ that cannot be, such as NaN, are a :class:`mobman.errors.UsageError` that says w
 """
 
 from mobman.benchmark.statistics.comparisons import (
-    Comparison,
+    Difference,
     PairComparison,
     Rank,
     SuccessComparison,
@@ -28,7 +28,7 @@ from mobman.benchmark.statistics.estimates import (
 )
 
 __all__ = [
-    "FLOOR", "Bootstrap", "Comparison", "Interval", "PairComparison", "Rank", "ScoreProfile",
+    "FLOOR", "Bootstrap", "Difference", "Interval", "PairComparison", "Rank", "ScoreProfile",
     "SuccessComparison", "adjust", "compare", "compare_all", "compare_successes",
     "interquartile_mean", "median", "performance_profile", "proportion", "ranking", "score_profile",
 ]  # fmt: skip

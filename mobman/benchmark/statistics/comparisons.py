@@ -29,7 +29,7 @@ _DIGITS = 12  # of a decade: ratios that are equal but for rounding are tied
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Difference:
     """Comparison of a with b on the same cells; negative numbers: a is lower, so better."""
 
     n: int
@@ -53,7 +53,7 @@ class Comparison:
     """Scale of the differences."""
 
 
-def compare(a: ArrayLike, b: ArrayLike, **options: Any) -> Comparison:
+def compare(a: ArrayLike, b: ArrayLike, **options: Any) -> Difference:
     """Compare two labels by their scores on the same cells.
 
     Args:
@@ -75,7 +75,7 @@ def compare(a: ArrayLike, b: ArrayLike, **options: Any) -> Comparison:
     ranks = rankdata(np.abs(units))
     signed = np.sign(units) * ranks
     middle = bootstrap.estimate(differences, weighted("median"))
-    return Comparison(
+    return Difference(
         n=len(differences),
         median_difference=Interval(*map(float, middle)),
         p_value=_two_sided_p(units, signed[signed != 0.0]),
@@ -94,7 +94,7 @@ class PairComparison:
 
     a: str
     b: str
-    comparison: Comparison
+    comparison: Difference
     """Comparison of a with b."""
     adjusted_p: float
     """The comparison's p-value, corrected for all pairs."""

@@ -54,7 +54,7 @@ class Site(NamedTuple):
     """Folder that relative paths in the description start from."""
 
 
-class Arm(NamedTuple):
+class ArmJoints(NamedTuple):
     """All joints that are not the platform's: those with a motor, and those that follow them."""
 
     joints: Index
@@ -69,7 +69,7 @@ class Motion(NamedTuple):
     """A platform's part of a robot's kinematics, see :class:`mobman.model.dynamics.Buffers`."""
 
     platform_index: Index
-    arm: Arm
+    arm: ArmJoints
     q: Vector
     z: Vector
     x: Vector

@@ -34,7 +34,7 @@ class OnLink(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class UrdfPart:
     """A URDF of a robot.
 
     Attributes:
@@ -69,7 +69,7 @@ class Described:
     """
 
     name: str
-    parts: tuple[Part, ...]
+    parts: tuple[UrdfPart, ...]
     found: Inference
     packages: tuple[Path, ...]
     warnings: tuple[str, ...]
@@ -145,13 +145,13 @@ def _part(
     *,
     up: str = "z",
     mount: OnLink | None = None,
-) -> Part:
+) -> UrdfPart:
     given = incoming(source, packages=packages, arguments=arguments)
     folders = (*given.packages, *given.path.parents)
-    return Part(given, UrdfFile(given.path, folders, up=up), mount)
+    return UrdfPart(given, UrdfFile(given.path, folders, up=up), mount)
 
 
-def _mounted(parts: Sequence[Part]) -> UrdfFile:
+def _mounted(parts: Sequence[UrdfPart]) -> UrdfFile:
     """One URDF of all parts, as the description will have them, its meshes by absolute paths."""
     trees, base = [], parts[0].file
     for part in parts:
