@@ -11,7 +11,7 @@ from mobman.model.criterion import Criterion, Term, criteria
 from mobman.model.mobile_manipulator import MobileManipulator
 
 
-class JointLimits(Term):
+class JointLimitAvoidance(Term):
     r"""Avoidance of the arm's joint limits,
     :math:`F = \sum_i \tfrac{w}{12}\,d_i^4/b_i^2`.
 
@@ -40,7 +40,7 @@ class JointLimits(Term):
 
 
 class _Zones:
-    """See :class:`JointLimits`."""
+    """See :class:`JointLimitAvoidance`."""
 
     def __init__(
         self, index: Array, lower: Array, upper: Array, weight: float, share: float
@@ -78,4 +78,4 @@ class _Zones:
         return np.diag(diagonal)
 
 
-criteria.register("joint-limits", JointLimits)
+criteria.register("joint-limits", JointLimitAvoidance)

@@ -11,7 +11,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.errors import MobmanError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.singularity import Motion, follow
+from mobman.simulation.singularity import FollowedPath, follow
 from mobman.tasks.paths import GAP, SHARE_OF_RADIUS, place_of
 from mobman.tasks.task import Task, make_task, parameters_of
 
@@ -68,7 +68,7 @@ def placements(
     given = dict(given or {})
     rest = Placement(robot.q_rest.copy(), given, make_task(task, robot, **given))
     found: dict[int, Placement] = {}
-    ahead: Motion | None = None
+    ahead: FollowedPath | None = None
     for number in numbers:
         if number == 0:
             found[0] = rest
@@ -91,14 +91,14 @@ def placements(
     return found
 
 
-def _ahead(robot: MobileManipulator, placed: Placement) -> Motion:
+def _ahead(robot: MobileManipulator, placed: Placement) -> FollowedPath:
     period = getattr(placed.task, "period", None)
     horizon = getattr(placed.task, "duration", None) or _HORIZON
     duration = _LAPS * period if period else horizon
     return follow(robot, placed.task, duration=duration, q0=placed.q0, step=_STEP)
 
 
-def _as_good(drawn: Motion, rest: Motion) -> bool:
+def _as_good(drawn: FollowedPath, rest: FollowedPath) -> bool:
     """True if what lies ahead is no worse than asked, which is no more than what rest has."""
     if rest.ended:
         return True

@@ -220,7 +220,7 @@ _BETWEEN = 0.1  # s: at which singular values are kept
 
 
 @dataclass(frozen=True)
-class Motion:
+class FollowedPath:
     """The motion of a robot that follows its task exactly, with f_a = 0."""
 
     t: Array
@@ -238,7 +238,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Prediction(Motion):
+class Prediction(FollowedPath):
     """A motion that follows a task, and what ends it."""
 
     singular: Singularity | None
@@ -285,7 +285,7 @@ def follow(
     q0: Array | None = None,
     criterion: Criterion | None = None,
     step: float = _STEP,
-) -> Motion:
+) -> FollowedPath:
     r"""Follow a task without any dynamics.
 
     :math:`\dot q = C J^{-1}(\dot p_d - \kappa e)` is integrated by the midpoint rule, at most 0.05 rad
@@ -330,4 +330,4 @@ def follow(
             rows.append((t, q, 0.0, 0.0, 0.0))
             ended = True
     times, states, tip, both, stiffness = map(np.array, zip(*rows, strict=True))
-    return Motion(times, states, tip, both, stiffness, ended)
+    return FollowedPath(times, states, tip, both, stiffness, ended)

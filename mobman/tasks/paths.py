@@ -230,7 +230,7 @@ _POINTS = 256  # of a path, to find how far it goes
 
 
 @dataclass(frozen=True)
-class Placement:
+class StartPlace:
     """The tip and the arm at a task's start, which its path is placed by.
 
     Attributes:
@@ -267,17 +267,17 @@ class Placement:
         return SHARE_OF_REACH * self.reach
 
 
-def place_of(robot: MobileManipulator, q0: Array) -> Placement:
+def place_of(robot: MobileManipulator, q0: Array) -> StartPlace:
     """The placement at a robot's configuration q0."""
     tip = np.array(robot.tip_pose(q0).translation)
     arm, drives = tip - robot.arm_origin(q0), "base_x" in robot.joint_names
     heading = q0[robot.joint_names.index("base_theta")] if drives else math.atan2(arm[1], arm[0])
-    return Placement(tip, arm, float(heading), drives)
+    return StartPlace(tip, arm, float(heading), drives)
 
 
 def placed(
     name: str,
-    place: Placement,
+    place: StartPlace,
     rate: float,
     cosines: Sequence[Sequence[float]],
     sines: Sequence[Sequence[float]],
