@@ -30,7 +30,7 @@ from mobman.files import temporary_beside
 from mobman.printable import printable
 
 LOOPBACK = "127.0.0.1"
-_SCRIPTS = ("robot.js", "run.js", "stage.js", "app.js")
+_SCRIPTS = ("robot.js", "run.js", "plots.js", "stage.js", "app.js")
 
 
 def packed(array: NDArray[Any], kind: str) -> dict[str, Any]:

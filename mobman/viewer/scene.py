@@ -14,7 +14,7 @@ import numpy as np
 
 from mobman.arrays import Array, Index
 from mobman.errors import MobmanError, SpecError, UsageError
-from mobman.figures.looks import LAWS, looks_of
+from mobman.figures.looks import LAWS, MOTORS, looks_of
 from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import as_spec, find_spec, list_robots, registered_as
@@ -288,6 +288,7 @@ def _scene(
         "duration": 0.0,
         "start": 0.0,
         "error_decades": None,
+        "palette": MOTORS,
         **rest,
     }
     return Scene(title, content, tuple(dict.fromkeys(told)))

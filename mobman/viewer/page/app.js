@@ -20,16 +20,20 @@ function metres(value) {
 
 class App {
   constructor(scene) {
-    Object.assign(this, { scene, layout: scene.layout, time: 0, speed: 1, playing: false, live: scene.live === true });
+    Object.assign(this, { scene, layout: scene.layout, time: 0, speed: 1, playing: false, held: null, plots: [], live: scene.live === true });
     this.stage = new Stage(byId("pane"), scene.bounds);
     this.several = scene.runs.length > 1;
     this.runs = scene.runs.map((run) => new Run(run, scene, 0.0036 * this.stage.radius, this.several));
     this.stage.root.add(...this.runs.map((run) => run.group));
     this.writeInfo();
     this.addControls();
+    this.drawPlots();
     this.setLayout(scene.layout);
     this.setTime(scene.start);
-    window.addEventListener("resize", () => this.changed());
+    window.addEventListener("resize", () => {
+      this.arrange();
+      this.changed();
+    });
     requestAnimationFrame((now) => this.step(now, 0));
   }
 
@@ -40,7 +44,7 @@ class App {
       const { end } = this.runs[0].motion;
       const late = end - this.time;
       if (late > 0) this.setTime(late < 1e-3 ? end : this.time + late * (1 - Math.exp(-passed / LAG)));
-    } else if (this.playing) {
+    } else if (this.playing && this.held === null) {
       const time = this.time + passed * this.speed;
       if (time >= this.scene.duration) this.pause();
       this.setTime(time);
@@ -69,6 +73,23 @@ class App {
   }
 
   setTime(time) {
+    this.held = null;
+    this.goTo(time);
+  }
+
+  // Look at another time for as long as the pointer is there; null: back to the clock's.
+  preview(time) {
+    if (this.live || (time === null && this.held === null)) return;
+    const held = this.held ?? this.time;
+    this.goTo(time ?? held);
+    this.held = time === null ? null : held;
+  }
+
+  seek(time) {
+    if (!this.live) this.setTime(time);
+  }
+
+  goTo(time) {
     this.time = Math.min(Math.max(time, 0), this.scene.duration);
     for (const run of this.runs) run.setTime(this.time);
     this.changed();
@@ -76,7 +97,7 @@ class App {
 
   play() {
     if (this.live || !(this.scene.duration > 0)) return;
-    if (this.time >= this.scene.duration) this.setTime(0);
+    this.setTime(this.time >= this.scene.duration ? 0 : this.time);
     this.playing = true;
     this.changed();
   }
@@ -116,6 +137,25 @@ class App {
       paths.add(path);
     }
     this.look();
+  }
+
+  drawPlots() {
+    if (!this.runs[0].motion) return;
+    this.plots = plotsOf(this);
+    byId("plots").replaceChildren(...this.plots.map((plot) => plot.root));
+    this.arrange();
+  }
+
+  // What depends on the window's size: the plots, and the place of what stands above the clock.
+  arrange() {
+    for (const plot of this.plots) plot.draw();
+    document.body.style.setProperty("--below", `${byId("clock").offsetHeight + 26}px`);
+  }
+
+  fold(folded) {
+    document.body.classList.toggle("folded", folded);
+    byId("fold").setAttribute("aria-expanded", !folded);
+    this.arrange();
   }
 
   configure(run, q) {
@@ -186,6 +226,7 @@ class App {
   writeState() {
     const { runs, scene, time } = this;
     byId("time").value = time;
+    for (const plot of this.plots) plot.setTime();
     byId("play").textContent = this.playing ? "\u23f8" : "\u25b6";
     byId("now").textContent = `${time.toFixed(2)} / ${scene.duration.toFixed(2)} s`;
     byId("scale").hidden = !runs[0].byError;
@@ -239,6 +280,7 @@ class App {
     byId("speed").onchange = (event) => (this.speed = Number(event.target.value));
     byId("view").onclick = () => this.look();
     byId("rest").onclick = () => this.configure(runs[0], runs[0].robot.description.rest);
+    byId("fold").onclick = () => this.fold(!document.body.classList.contains("folded"));
     byId("menu").onclick = () => document.body.classList.toggle("closed");
     const toggle = () => (this.playing ? this.pause() : this.play());
     byId("play").onclick = toggle;
@@ -255,6 +297,7 @@ class App {
       event.preventDefault();
     });
     if (motion && window.innerWidth < 720) document.body.classList.add("closed");
+    this.fold(window.innerWidth < 720 || window.innerHeight < 640);
     this.setDuration();
     this.sliders = [];
     if (drawn.length) this.addSliders(drawn[0]);
@@ -311,9 +354,10 @@ class App {
       else run.motion.extend(new Motion(motion));
       run.drawMotion(scene.error_decades);
     }
+    if (ended) scene.duration = run.motion.end;
+    if (motion || ended) this.drawPlots();
     if (!ended) return;
     this.live = false;
-    scene.duration = run.motion.end;
     this.writeScale();
     this.setDuration();
     this.setTime(scene.duration);

@@ -1,6 +1,17 @@
 // A run: its robot, its samples, its lines and its torques. A robot alone is a run without motion.
 const TRACKS = ["t", "q", "q_dot", "tip", "desired", "error", "platform", "effort", "turn", "angle"];
 
+// The last of rising times that is not after one, or the first.
+function lastAt(times, time) {
+  let [low, high] = [0, times.length];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time) low = middle;
+    else high = middle;
+  }
+  return low;
+}
+
 // A run's samples, and the states between them.
 class Motion {
   constructor(description) {
@@ -36,7 +47,7 @@ class Motion {
 
   // The last frame at or before a time, the one after it, and the share of the way to that.
   at(time) {
-    const frame = Math.max(this.t.findLastIndex((t) => t <= time), 0);
+    const frame = lastAt(this.t, time);
     const next = Math.min(frame + 1, this.frames - 1);
     const share = (time - this.t[frame]) / (this.t[next] - this.t[frame]);
     return { frame, next, share: next > frame && share > 0 ? share : 0 };

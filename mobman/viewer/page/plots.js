@@ -1,0 +1,133 @@
+// Plots under the time line: errors on a logarithmic scale, and torques. Hovering scrubs, a click seeks.
+const EDGE = { left: 48, right: 10, top: 22, bottom: 16 }; // px, of a plot
+const PLOT_HEIGHT = 96; // px
+
+function svg(tag, attributes, ...children) {
+  const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
+  node.append(...children);
+  return node;
+}
+
+// A curve as a path: of each column of pixels its first, lowest, highest and last point, so that no peak
+// is lost; broken where a value is not finite.
+function curvePath({ t, values }, x, y) {
+  const columns = new Map();
+  values.forEach((value, i) => {
+    const column = Math.round(x(t[i]));
+    if (!columns.has(column)) columns.set(column, []);
+    columns.get(column).push(Number.isFinite(value) ? y(value) : NaN);
+  });
+  let [path, pen] = ["", "M"];
+  for (const [column, heights] of columns) {
+    const found = heights.filter(Number.isFinite);
+    for (const height of found.length ? new Set([found[0], Math.min(...found), Math.max(...found), found.at(-1)]) : []) {
+      path += `${pen}${column} ${height.toFixed(1)}`;
+      pen = "L";
+    }
+    if (!found.length) pen = "M";
+  }
+  return path;
+}
+
+class Plot {
+  // curves: label, colour, t and values of each; logarithmic: the decades that it shows, or null
+  constructor(app, title, curves, logarithmic = null) {
+    Object.assign(this, { app, title, curves, logarithmic, pointer: null });
+    this.root = svg("svg", { height: PLOT_HEIGHT, role: "img", "aria-label": title });
+    this.root.onpointermove = this.root.onpointerdown = (event) => this.point(event);
+    this.root.onpointerleave = () => {
+      this.pointer = null;
+      app.preview(null);
+    };
+  }
+
+  point(event) {
+    const { left, top } = this.root.getBoundingClientRect();
+    const share = (event.clientX - left - EDGE.left) / (this.width - EDGE.left - EDGE.right);
+    const time = Math.min(Math.max(share, 0), 1) * this.app.scene.duration;
+    this.pointer = event.clientY - top;
+    if (event.type === "pointerdown" || event.pointerType === "touch") this.app.seek(time);
+    else this.app.preview(time);
+  }
+
+  draw() {
+    this.width = this.root.clientWidth;
+    if (!this.width) return; // folded
+    const [right, bottom] = [this.width - EDGE.right, PLOT_HEIGHT - EDGE.bottom];
+    const duration = this.app.scene.duration || 1;
+    const [low, high] = this.logarithmic || this.range();
+    this.x = (time) => EDGE.left + (time / duration) * (right - EDGE.left);
+    const at = (level) => bottom - ((Math.min(Math.max(level, low), high) - low) / (high - low)) * (bottom - EDGE.top);
+    this.y = this.logarithmic ? (value) => at(value === 0 ? low : Math.log10(Math.abs(value))) : at;
+    const levels = this.logarithmic ? [low, Math.round((low + high) / 2), high] : [low, 0, high];
+    const nodes = [...new Set(levels)].flatMap((level) => {
+      const name = this.logarithmic ? `1e${level}` : Number(level.toPrecision(2)).toString();
+      const attributes = { x: EDGE.left - 6, y: at(level) + 4, "text-anchor": "end" };
+      return [
+        svg("line", { class: "rule", x1: EDGE.left, x2: right, y1: at(level), y2: at(level) }),
+        svg("text", attributes, name.replace("-", "\u2212")),
+      ];
+    });
+    nodes.push(...[0, 0.5, 1].map((share) => {
+      const anchor = ["start", "middle", "end"][2 * share];
+      const attributes = { x: this.x(share * duration), y: PLOT_HEIGHT - 3, "text-anchor": anchor };
+      return svg("text", attributes, `${Number((share * duration).toPrecision(3))} s`);
+    }));
+    nodes.push(...this.curves.map((curve) =>
+      svg("path", { class: "curve", d: curvePath(curve, this.x, this.y), stroke: curve.colour })
+    ));
+    this.cursor = svg("line", { class: "cursor", y1: EDGE.top, y2: bottom });
+    this.value = svg("text", { class: "value", x: right, y: 12, "text-anchor": "end" });
+    nodes.push(svg("text", { x: EDGE.left, y: 12 }, this.title), this.cursor, this.value);
+    this.root.replaceChildren(...nodes);
+    this.setTime();
+  }
+
+  // The range of what is finite, with 0 in it.
+  range() {
+    let [low, high] = [0, 0];
+    for (const { values } of this.curves)
+      for (const value of values) if (Number.isFinite(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
+    return low < high ? [low, high] : [-1, 1];
+  }
+
+  // The time now, and the value of the curve next to the pointer, or else of the largest.
+  setTime() {
+    if (!this.cursor) return;
+    const x = this.x(this.app.time);
+    for (const end of ["x1", "x2"]) this.cursor.setAttribute(end, x);
+    const now = this.curves.map(({ label, t, values }) => ({ label, value: values[lastAt(t, this.app.time)] }));
+    const off = ({ value }) => {
+      if (!Number.isFinite(value)) return Infinity;
+      return this.pointer === null ? -Math.abs(value) : Math.abs(this.y(value) - this.pointer);
+    };
+    const nearest = now.reduce((best, one) => (off(one) < off(best) ? one : best), now[0]);
+    this.value.textContent = `${nearest.label} ${Number(nearest.value.toPrecision(3))}`;
+  }
+}
+
+const column = (table, i) => Float32Array.from({ length: table.rows }, (_, row) => table[table.columns * row + i]);
+const largest = (table) =>
+  Float32Array.from({ length: table.rows }, (_, row) =>
+    table.subarray(table.columns * row, table.columns * (row + 1)).reduce((most, value) => Math.max(most, Math.abs(value)), 0)
+  );
+
+// Of one run the torque on every joint; of several the largest of each.
+function plotsOf(app) {
+  const { runs, several, scene } = app;
+  const curve = (run, values) => ({ label: several ? run.label : "", colour: run.colour, t: run.motion.t, values });
+  const errors = runs.map((run) => curve(run, run.motion.error));
+  const plots = [new Plot(app, "|error| (m)", errors, scene.error_decades)];
+  const driven = runs.filter((run) => run.efforts.length);
+  if (!driven.length) return plots;
+  const slides = driven.some((run) => run.efforts.some(({ joint }) => !joint.turns));
+  const unit = slides ? "(N m; N where it slides)" : "(N m)";
+  const torques = several
+    ? driven.map((run) => curve(run, largest(run.motion.effort)))
+    : driven[0].efforts.map(({ joint: { name, q } }, i) => {
+        const colour = scene.palette[i % scene.palette.length];
+        return { label: name, colour, t: runs[0].motion.t, values: column(runs[0].motion.effort, q) };
+      });
+  return [...plots, new Plot(app, `${several ? "largest |torque|" : "torque"} ${unit}`, torques)];
+}
