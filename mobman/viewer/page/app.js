@@ -12,6 +12,12 @@ function element(tag, attributes, ...children) {
   return node;
 }
 
+// Black or white, whichever is easier to read on a colour (WCAG 2, relative luminance).
+function inkOn(colour) {
+  const { r, g, b } = colourOf(colour);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.179 ? "#000" : "#fff";
+}
+
 function metres(value) {
   if (!Number.isFinite(value)) return "not finite";
   if (value === 0) return "0 m";
@@ -27,6 +33,9 @@ class App {
     this.stage.root.add(...this.runs.map((run) => run.group));
     this.writeInfo();
     this.addControls();
+    this.system = window.matchMedia("(prefers-color-scheme: dark)");
+    this.system.onchange = () => this.setTheme(byId("theme").value);
+    this.setTheme("");
     this.drawPlots();
     this.setLayout(scene.layout);
     this.setTime(scene.start);
@@ -139,6 +148,15 @@ class App {
     this.look();
   }
 
+  // "light", "dark", or "" for the system's.
+  setTheme(theme) {
+    byId("theme").value = theme;
+    document.documentElement.dataset.theme = theme || (this.system.matches ? "dark" : "light");
+    this.stage.setColours();
+    for (const run of this.runs) run.setColours();
+    this.changed();
+  }
+
   drawPlots() {
     if (!this.runs[0].motion) return;
     this.plots = plotsOf(this);
@@ -210,7 +228,7 @@ class App {
       const stroke = element("span", { className: "stroke", style: `border-color:${run.colour}` });
       byId("plain").append(element("div", { className: "entry" }, stroke, `tip, ${run.label}`));
     }
-    if (several) this.labels = runs.map((run) => element("div", { style: `background:${run.colour}` }, run.label));
+    if (several) this.labels = runs.map((run) => element("div", { style: `background:${run.colour};color:${inkOn(run.colour)}` }, run.label));
     byId("labels").append(...this.labels);
     byId("bar").style.background = `linear-gradient(90deg,${SCALE.join(",")})`;
     this.writeScale();
@@ -278,6 +296,7 @@ class App {
     byId("trail").onchange = (event) => this.colourTrails(event.target.value === "error");
     byId("posed").onchange = (event) => this.addSliders(drawn[event.target.value]);
     byId("speed").onchange = (event) => (this.speed = Number(event.target.value));
+    byId("theme").onchange = (event) => this.setTheme(event.target.value);
     byId("view").onclick = () => this.look();
     byId("rest").onclick = () => this.configure(runs[0], runs[0].robot.description.rest);
     byId("fold").onclick = () => this.fold(!document.body.classList.contains("folded"));
@@ -386,6 +405,7 @@ async function start() {
     show: drawn((layer, visible) => app.show(layer, visible)),
     setLayout: drawn((layout) => app.setLayout(layout)),
     colourTrails: drawn((byError) => app.colourTrails(byError)),
+    setTheme: drawn((theme) => app.setTheme(theme)),
     look: drawn((direction) => app.look(direction)),
     setConfiguration: drawn((q, index) => app.configure(run(index), q)),
     play: () => app.play(),

@@ -64,10 +64,9 @@ class Plot {
     const nodes = [...new Set(levels)].flatMap((level) => {
       const name = this.logarithmic ? `1e${level}` : Number(level.toPrecision(2)).toString();
       const attributes = { x: EDGE.left - 6, y: at(level) + 4, "text-anchor": "end" };
-      return [
-        svg("line", { class: "rule", x1: EDGE.left, x2: right, y1: at(level), y2: at(level) }),
-        svg("text", attributes, name.replace("-", "\u2212")),
-      ];
+      const rule = svg("line", { class: "rule", x1: EDGE.left, x2: right, y1: at(level), y2: at(level) });
+      const crowded = levels.some((other) => other !== level && level === levels[1] && Math.abs(at(other) - at(level)) < 12);
+      return crowded ? [rule] : [rule, svg("text", attributes, name.replace("-", "\u2212"))];
     });
     nodes.push(...[0, 0.5, 1].map((share) => {
       const anchor = ["start", "middle", "end"][2 * share];

@@ -53,6 +53,7 @@ function geometryOf({ type, size, ...mesh }) {
 }
 
 const colourOf = (...values) => new THREE.Color(...values).convertSRGBToLinear();
+const styled = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 const waited = []; // pictures to be decoded before the page is ready
 
 // Colours of shapes may be tinted with a run's, so that its robot is known by it.

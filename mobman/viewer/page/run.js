@@ -135,7 +135,7 @@ const TURN = (300 * Math.PI) / 180;
 class Effort {
   constructor(joint, size) {
     Object.assign(this, { joint, size, group: new THREE.Group() });
-    const material = over(colourOf("#7048e8"), 0.85);
+    const material = over(colourOf(styled("torque")), 0.85);
     const rod = new THREE.CylinderGeometry(0.09, 0.09, 3, 12).rotateX(Math.PI / 2).translate(0, 0, 1.5);
     const shaft = new THREE.Mesh(joint.turns ? new THREE.TorusGeometry(1, 0.09, 8, 40, TURN) : rod, material);
     const head = new THREE.Mesh(new THREE.ConeGeometry(0.234, 0.54, 16), material);
@@ -144,6 +144,7 @@ class Effort {
     head.rotation.set(joint.turns ? 0 : Math.PI / 2, 0, joint.turns ? TURN : 0);
     shaft.renderOrder = head.renderOrder = 5;
     joint.group.add(this.group.add(shaft, head));
+    this.material = material;
   }
 
   // relative: effort over its peak, -1 to 1
@@ -161,16 +162,16 @@ const SNAPSHOTS = 6; // of the robot along its way
 const plain = (colour) => new THREE.MeshPhongMaterial({ color: colourOf(colour) });
 
 // A desired frame, or an arrow for a direction alone.
-function desiredAxes(columns, length) {
+function desiredAxes(columns, length, colour) {
   if (columns === 4) return new THREE.AxesHelper(length);
-  return new THREE.ArrowHelper(new THREE.Vector3(0, 0, 1), new THREE.Vector3(), length, "#111827");
+  return new THREE.ArrowHelper(new THREE.Vector3(0, 0, 1), new THREE.Vector3(), length, colour);
 }
 
 class Run {
   // width: of the lines (m); compared: whether there are others
   constructor(description, scene, width, compared) {
     const { label, colour, motion, robot } = description;
-    Object.assign(this, { description, width, label, colour, efforts: [], place: { frame: 0, next: 0, share: 0 } });
+    Object.assign(this, { description, width, several: compared, label, colour, efforts: [], place: { frame: 0, next: 0, share: 0 } });
     this.group = new THREE.Group();
     this.shown = { trails: true, efforts: false };
     this.byError = !compared;
@@ -181,16 +182,28 @@ class Run {
     this.materials = {
       error: new THREE.MeshPhongMaterial({ vertexColors: true }),
       run: plain(colour),
-      platform: plain(compared ? colour : "#8a94a3"),
+      platform: plain(colour),
+      path: plain(colour),
+      target: plain(colour),
     };
-    const ball = (radius, tint) => new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 16), plain(tint));
-    this.path = tube(this.motion.path, 0.55 * width, plain("#4a5361"));
-    this.target = ball(2.6 * width, "#111827");
-    this.actual = ball(2 * width, colour);
+    const ball = (radius, material) => new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 16), material);
+    this.path = tube(this.motion.path, 0.55 * width, this.materials.path);
+    this.target = ball(2.6 * width, this.materials.target);
+    this.actual = ball(2 * width, this.materials.run);
     this.actual.visible = this.robot === null;
     this.lines = new THREE.Group();
     this.group.add(this.path, this.target, this.actual, this.lines);
     this.drawMotion(scene.error_decades);
+    this.setColours();
+  }
+
+  // Colours that are not a run's own are those of the style sheet.
+  setColours() {
+    if (!this.motion) return;
+    for (const name of ["path", "target", ...(this.several ? [] : ["platform"])])
+      this.materials[name].color.copy(colourOf(styled(name)));
+    if (this.axes instanceof THREE.ArrowHelper) this.axes.setColor(colourOf(styled("target")));
+    for (const { material } of this.efforts) material.color.copy(colourOf(styled("torque")));
   }
 
   get info() {
@@ -238,7 +251,7 @@ class Run {
     this.trail.material = this.byError ? this.materials.error : this.materials.run;
     this.target.position.copy(motion.point(motion.desired, place));
     if (motion.turn) {
-      if (!this.axes) this.target.add((this.axes = desiredAxes(motion.turn.columns, 24 * this.width)));
+      if (!this.axes) this.target.add((this.axes = desiredAxes(motion.turn.columns, 24 * this.width, this.materials.target.color)));
       this.axes.quaternion.copy(motion.turned(place));
     }
     this.actual.position.copy(motion.point(motion.tip, place));

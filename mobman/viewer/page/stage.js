@@ -1,6 +1,4 @@
 // The stage: MeshCat's viewer with light, ground, axes and a camera that has everything in view.
-const BACKGROUND = 0xf3f5f8;
-
 class Stage {
   constructor(pane, [low, high]) {
     const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
@@ -10,8 +8,7 @@ class Stage {
     pane.appendChild(renderer.domElement);
     this.viewer = new MeshCat.Viewer(pane, false, renderer);
     for (const path of ["Lights", "Grid", "Axes"]) this.viewer.set_property([path], "visible", false);
-    this.viewer.scene.background = new THREE.Color(BACKGROUND); // three.js takes it as it is
-    this.viewer.scene.fog = new THREE.Fog(colourOf(BACKGROUND));
+    this.viewer.scene.fog = new THREE.Fog();
     this.root = new THREE.Group();
     this.viewer.set_object(["mobman"], this.root);
     this.box = new THREE.Box3(new THREE.Vector3(...low), new THREE.Vector3(...high));
@@ -24,6 +21,14 @@ class Stage {
     const names = context.getExtension("WEBGL_debug_renderer_info");
     const name = names ? context.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
     this.setShadows(!/swiftshader|llvmpipe|software|basic render/i.test(name));
+  }
+
+  // Colours are those of the style sheet.
+  setColours() {
+    const { scene } = this.viewer;
+    scene.background = new THREE.Color(styled("page")); // three.js takes it and the fog's as they are
+    scene.fog.color.copy(scene.background);
+    for (const { name, material } of this.ground) if (name) material.color.copy(colourOf(styled(name)));
   }
 
   setShadows(on) {
@@ -53,9 +58,10 @@ class Stage {
     const reach = cell * Math.ceil((5 * radius) / cell);
     const put = (object, height) =>
       object.position.set(cell * Math.round(centre.x / cell), cell * Math.round(centre.y / cell), height * radius);
-    this.ground = [[0.2, 0xe9ecf0, -0.0006], [1, 0xd0d6de, -0.0003]].map(([step, colour, height]) => {
+    this.ground = [[0.2, "grid", -0.0006], [1, "cells", -0.0003]].map(([step, name, height]) => {
       const count = Math.round((2 * reach) / (step * cell));
-      const grid = new THREE.GridHelper(2 * reach, count, colourOf(colour), colourOf(colour)).rotateX(Math.PI / 2);
+      const grid = Object.assign(new THREE.GridHelper(2 * reach, count).rotateX(Math.PI / 2), { name });
+      grid.material.vertexColors = false;
       put(grid, height);
       return grid;
     });
