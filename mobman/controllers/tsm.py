@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple
 
@@ -19,6 +19,7 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.bounds import actuation_bound, inertia_bound, jacobian_bound
+from mobman.controllers.computed_bounds import computed_bounds
 from mobman.controllers.criterion_gains import CriterionGains
 from mobman.controllers.damped import Damping, damp
 from mobman.controllers.delay import UnderWay, automatic_metric_scale, predict_acceleration
@@ -91,6 +92,9 @@ class CascadeGains(CriterionGains):
     w_2: float = gain(0.001, "rad^-1", "growth of that bound with |q - q_rest|, (21)")
     w_3k: float = gain(2.0, "1", "factor of |v_ref||z| in W, (34)")
     w_4k: float = gain(3.0, "1", "factor of |z|^3 in W, (34)")
+    bounds: Literal["given", "computed"] = gain(
+        "given", "", "w_1 to w_9, a and A: given, computed (as `mobman robots bounds`, when reset)"
+    )
     discretization: Literal["implicit", "explicit"] = gain(
         "implicit", "", "of the unit vectors: implicit, explicit"
     )
@@ -125,8 +129,8 @@ class CascadeGains(CriterionGains):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive_diagonal(self, "lambda_0", "lambda_1", "lambda_2", "Lambda_0", "Lambda_1")
-        require_positive(self, "c_0", "w_1", "w_2", "w_3k", "w_4k", "C_0", "lightest")
-        require_not_negative(self, "w_3", "w_4", "w_5", "w_6", "w_7", "w_8", "w_9")
+        require_positive(self, "c_0", "w_1", "w_3k", "w_4k", "C_0", "lightest")
+        require_not_negative(self, "w_2", "w_3", "w_4", "w_5", "w_6", "w_7", "w_8", "w_9")
         require_not_negative(self, "beta_0", "beta_1", "boundary_layer", "damping")
         require_bound(self, "metric_scale", "it is a factor of an inertia")
         require_ticks(self, "delay_ticks")
@@ -134,6 +138,7 @@ class CascadeGains(CriterionGains):
         require_at_least_one(self, "C", "Theorem 2")
         require_bound(self, "a", "0 < a <= lambda_min(J J^T) (22)")
         require_bound(self, "A", "0 < A <= lambda_min(B B^T) (54)")
+        require_choice(self, "bounds", ("given", "computed"))
         require_choice(self, "discretization", ("implicit", "explicit"))
         require_choice(self, "saturation", ("none", "hedge"))
         require_torque_limits(self.torque_limits)
@@ -439,23 +444,24 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             GainError: If a gain has the wrong length for the robot.
         """
         self._task = task
-        self.criterion = self.gains.criterion(robot, task)
+        gains = self._used = self._with_bounds(robot, task)
+        self.criterion = gains.criterion(robot, task)
         space = self._space = self._task_space(robot, task)
         a, A = self._bounds(robot, task)
         K_F = self.criterion.weights.tolist()
-        self._settings = as_settings(self.gains) | {"a": a, "A": A, "K_F": K_F}
-        self._settings["metric_scale"] = metric_scale(self.gains)
+        self._settings = as_settings(gains) | {"a": a, "A": A, "K_F": K_F}
+        self._settings["metric_scale"] = metric_scale(gains)
         limits = np.full(robot.nz, np.inf)
-        if self.gains.saturation == "hedge":
-            limits = self.torque_limits(robot, self.gains.torque_limits)
+        if gains.saturation == "hedge":
+            limits = self.torque_limits(robot, gains.torque_limits)
             self._settings["torque_limits"] = plain_limits(limits)
         now, nz = space.now, robot.nz
         self._now, self._z_dot = now, np.zeros(nz)
-        self._kinematic = SlidingStage.of(self.gains, space.p, "lambda_0", "lambda_1", "lambda_2")
-        self._dynamic = SlidingStage.of(self.gains, nz, "Lambda_0", "Lambda_1")
+        self._kinematic = SlidingStage.of(gains, space.p, "lambda_0", "lambda_1", "lambda_2")
+        self._dynamic = SlidingStage.of(gains, nz, "Lambda_0", "Lambda_1")
         self._held = Held(*np.zeros((5, nz)))
         kinematic, dynamic, held = self._kinematic, self._dynamic, self._held
-        k = in_force(self.gains, dt, a, A, self.inverse_actuation)
+        k = in_force(gains, dt, a, A, self.inverse_actuation)
         motion = (now.z, self._z_dot, now.M, now.B)
         state = (space.f, space.J, space.J_dot_z, space.p_d, now.q, robot.q_rest, now.z)
         self._law = sequence(
@@ -516,6 +522,16 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         arguments = (under_way, self._held.v, now.M, now.B, self._z_dot, stop)
         return [bind(predict_acceleration, *arguments)]
 
+    def _with_bounds(self, robot: MobileManipulator, task: Task) -> CascadeGains:
+        """The gains, with the constants of the theorems computed where that is asked for."""
+        gains: CascadeGains = self.gains
+        if gains.bounds == "given":
+            return gains
+        others = set() if self.extended else {"w_1", "w_2", "a"}  # those are of the J of (13)
+        others |= {"A"} if self.inverse_actuation else set()  # that is of B B^T
+        found: dict[str, Any] = dict(computed_bounds(robot, task).values)
+        return replace(gains, **{n: x for n, x in found.items() if n not in others})
+
     def _task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
         return TaskSpace(robot, task, self.criterion if self.extended else None)
 
@@ -524,13 +540,13 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         return np.ones(robot.nz)
 
     def _bounds(self, robot: MobileManipulator, task: Task) -> tuple[float, float]:
-        a, A = self.gains.a, self.gains.A
+        a, A = self._used.a, self._used.A
         if isinstance(a, str):
             a = jacobian_bound(robot, task, self._task_space(robot, task), self._metric(robot))
         if isinstance(A, str) and self.inverse_actuation:
             A = inertia_bound(robot, task)
         elif isinstance(A, str):
-            A = actuation_bound(robot, task, self.gains.w_7)
+            A = actuation_bound(robot, task, self._used.w_7)
         return a, A
 
 

@@ -11,6 +11,7 @@ import pytest
 from support.command_line import mobman
 
 import mobman as mm
+from mobman.controllers import tsm
 from mobman.controllers.bounds import FLOOR, SPREAD
 from mobman.controllers.computed_bounds import PAPER, computed_bounds
 from mobman.model.criterion import Posture
@@ -155,3 +156,27 @@ def test_an_unknown_robot_is_status_2():
     done = mobman("robots", "bounds", "youbott")
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert "youbot" in done.stderr
+
+
+@pytest.mark.parametrize("law", ["tsm", "tsm-null-space", "tsm-inverse-actuation"])
+def test_a_law_takes_them(law, monkeypatch):
+    """``tsm`` all of them, the others those of matrices that they have."""
+    made: dict[str, float] = {"w_1": 4.0, "w_2": 0.0, "w_3": 0.5, "w_4": 7.0, "w_5": 8.0}
+    made |= {"w_6": 1.0, "w_7": 9.0, "w_8": 2.0, "w_9": 3.0, "a": 1e-4, "A": 0.5}
+    found = bounds_of("youbot")._replace(values=made)
+    monkeypatch.setattr(tsm, "computed_bounds", lambda *_: found)
+    explicit = {"discretization": "explicit"}  # inside the unit ball the implicit form needs none
+    given, computed = (
+        mm.simulate(
+            "youbot",
+            mm.make_controller(law, bounds=bounds, **explicit),
+            "circle",
+            duration=2e-3,
+        )
+        for bounds in ("given", "computed")
+    )
+    others = {"tsm": set(), "tsm-null-space": {"w_1", "w_2", "a"}, "tsm-inverse-actuation": {"A"}}
+    for name, value in made.items():
+        expected = given.settings[name] if name in others[law] else value
+        assert computed.settings[name] == expected, name
+    assert not np.array_equal(given.torque, computed.torque)
