@@ -59,6 +59,11 @@ def _pixels(
     help="Instant to open at, or of the picture (s).  [default: the beginning; the end of a failed run, "
     "and of a picture]",
 )
+@click.option(
+    "--camera",
+    metavar="front|back|left|side|top|iso|X,Y,Z",
+    help="Where to look from: a preset, or a direction.",
+)
 @click.option("--png", type=FILE, callback=_ending, help="Write a picture.")
 @click.option("--gif", type=FILE, callback=_ending, help="Write a film as GIF.")
 @click.option("--mp4", type=FILE, callback=_ending, help="Write a film as MP4.")
@@ -86,6 +91,7 @@ def view(
     host: str,
     layout: Any,
     time: float | None,
+    camera: str | None,
     png: Path | None,
     gif: Path | None,
     mp4: Path | None,
@@ -98,7 +104,7 @@ def view(
     """
     from mobman.viewer.view import View, make_scene
 
-    scene = make_scene(what, layout=layout, time=time)
+    scene = make_scene(what, layout=layout, time=time, camera=camera)
     for warning in scene.warnings:
         warnings.warn(warning, stacklevel=1)
     with View(scene, host=host, port=port) as shown:

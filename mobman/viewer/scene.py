@@ -28,6 +28,15 @@ from mobman.viewer.robot import Primitive, robot_points, robot_scene
 
 Layout = Literal["overlay", "side-by-side"]
 LAYOUTS: tuple[Layout, Layout] = ("overlay", "side-by-side")
+CAMERAS = {
+    "front": (1.0, 0.0, 0.0),
+    "back": (-1.0, 0.0, 0.0),
+    "left": (0.0, 1.0, 0.0),
+    "side": (0.0, -1.0, 0.0),
+    "top": (0.0, 0.0, 1.0),
+    "iso": (1.0, -1.0, 1.0),
+}
+"""Directions to look from, in the world's axes: x is ahead of a robot at heading 0."""
 _FIELDS = ("robot", "controller", "task", "scenario", "seed", "status", "message")
 """Fields of a record that the page shows."""
 FRAMES_PER_SECOND = 60.0
@@ -180,11 +189,44 @@ class ShownRun:
     """The robot itself, where it is at hand."""
 
 
-def scene_of_robot(robot: MobileManipulator) -> Scene:
-    """Show a robot at rest, to be moved by hand."""
+def direction(camera: str | Sequence[float] | None) -> tuple[float, ...] | None:
+    """Read a direction to look from: the name of a preset, or three numbers.
+
+    Args:
+        camera: One of :data:`CAMERAS`, numbers, or numbers as text, ``"1,-1,0.5"``; None for none.
+
+    Raises:
+        UsageError: If it is neither.
+    """
+    if camera is None:
+        return None
+    if isinstance(camera, str) and camera in CAMERAS:
+        return CAMERAS[camera]
+    try:
+        parts = camera.split(",") if isinstance(camera, str) else camera
+        found = tuple(float(part) for part in parts)
+    except (TypeError, ValueError):
+        found = ()
+    if len(found) != 3 or not all(map(math.isfinite, found)) or not any(found):
+        raise UsageError(
+            f"camera = {camera!r}: allowed: {', '.join(CAMERAS)}, or three numbers x,y,z, the "
+            "direction to look from, not all 0"
+        )
+    return found
+
+
+def scene_of_robot(
+    robot: MobileManipulator, *, camera: str | Sequence[float] | None = None
+) -> Scene:
+    """Show a robot at rest, to be moved by hand.
+
+    Raises:
+        UsageError: If the camera is neither a preset nor a direction.
+    """
     info = {"robot": robot.name, "description": robot.spec.description}
     run = {"label": robot.name, "colour": LAWS["tsm"], "motion": None, "info": info}
-    return _scene(robot.name, [(run, robot)], [robot_points(robot, robot.q_rest)])
+    points = robot_points(robot, robot.q_rest)
+    return _scene(robot.name, [(run, robot)], [points], camera=direction(camera))
 
 
 def scene_of_runs(
@@ -193,6 +235,7 @@ def scene_of_runs(
     layout: Layout = "overlay",
     time: float | None = None,
     live: bool = False,
+    camera: str | Sequence[float] | None = None,
 ) -> Scene:
     """Show one run, or several on one clock.
 
@@ -202,9 +245,11 @@ def scene_of_runs(
         time: Time that it opens at (s); the end of a single run that failed, and else its beginning, by
             default.
         live: True to show the first sample and the desired path alone: the page follows the rest.
+        camera: Direction to look from: the name of a preset, or three numbers in the world's axes.
 
     Raises:
-        UsageError: If there is no run, a run has no sample, or the time is no number.
+        UsageError: If there is no run, a run has no sample, the time is no number, or the camera is
+            neither a preset nor a direction.
     """
     if not runs:
         raise UsageError("there is no run to show")
@@ -252,6 +297,7 @@ def scene_of_runs(
         start=min(time, duration),
         error_decades=_decades(motions),
         live=live,
+        camera=direction(camera),
     )
 
 
@@ -289,6 +335,7 @@ def _scene(
         "start": 0.0,
         "error_decades": None,
         "palette": MOTORS,
+        "cameras": CAMERAS,
         **rest,
     }
     return Scene(title, content, tuple(dict.fromkeys(told)))

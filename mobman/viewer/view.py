@@ -12,7 +12,7 @@ import threading
 import warnings
 import webbrowser
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter, sleep
 from typing import Any
@@ -167,6 +167,7 @@ def view(
     port: int | None = None,
     layout: Layout = "overlay",
     time: float | None = None,
+    camera: str | Sequence[float] | None = None,
 ) -> View:
     """Show a robot, a run, or several runs together.
 
@@ -184,6 +185,8 @@ def view(
         port: Port to listen on; a free one by default.
         layout: Layout of several runs: ``"overlay"`` or ``"side-by-side"``.
         time: Time that a replay opens at (s); by default its beginning, or the end of a run that failed.
+        camera: Direction to look from, in the world's axes: ``"front"``, ``"back"``, ``"left"``,
+            ``"side"``, ``"top"``, ``"iso"``, or three numbers.
 
     Returns:
         The view: keep it as long as the page is to be served.
@@ -193,7 +196,7 @@ def view(
         SpecError: If a robot's description is not valid.
         RecordError: If a record cannot be read.
     """
-    scene = make_scene(what, layout=layout, time=time)
+    scene = make_scene(what, layout=layout, time=time, camera=camera)
     for warning in scene.warnings:
         warnings.warn(warning, stacklevel=2)
     shown = View(scene, host=host, port=port)
@@ -207,7 +210,11 @@ def view(
 
 
 def make_scene(
-    what: Viewable | Iterable[Viewable], *, layout: Layout = "overlay", time: float | None = None
+    what: Viewable | Iterable[Viewable],
+    *,
+    layout: Layout = "overlay",
+    time: float | None = None,
+    camera: str | Sequence[float] | None = None,
 ) -> Scene:
     """Make the scene that :func:`view` shows, as plain data.
 
@@ -227,8 +234,8 @@ def make_scene(
     if len(robots) > 1:
         raise UsageError("one robot at a time can be shown; several runs can")
     if robots:
-        return scene_of_robot(_robot(robots[0]))
-    return scene_of_runs(runs, layout=layout, time=time)
+        return scene_of_robot(_robot(robots[0]), camera=camera)
+    return scene_of_runs(runs, layout=layout, time=time, camera=camera)
 
 
 def _robot(what: Any) -> MobileManipulator:

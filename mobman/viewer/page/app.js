@@ -26,13 +26,14 @@ function metres(value) {
 
 class App {
   constructor(scene) {
-    Object.assign(this, { scene, layout: scene.layout, time: 0, speed: 1, playing: false, held: null, plots: [], live: scene.live === true });
+    Object.assign(this, { scene, layout: scene.layout, time: 0, speed: 1, playing: false, held: null, moved: true, plots: [], live: scene.live === true });
     this.stage = new Stage(byId("pane"), scene.bounds);
     this.several = scene.runs.length > 1;
     this.runs = scene.runs.map((run) => new Run(run, scene, 0.0036 * this.stage.radius, this.several));
     this.stage.root.add(...this.runs.map((run) => run.group));
     this.writeInfo();
     this.addControls();
+    this.stage.viewer.controls.addEventListener("start", () => (this.moved = true));
     this.system = window.matchMedia("(prefers-color-scheme: dark)");
     this.system.onchange = () => this.setTheme(byId("theme").value);
     this.setTheme("");
@@ -69,6 +70,8 @@ class App {
       const at = this.stage.project(this.runs[i].labelPoint());
       label.hidden = at === null;
       if (at === null) return;
+      const half = label.offsetWidth / 2 + 4;
+      at[0] = Math.max(half, Math.min(at[0], window.innerWidth - half));
       // labels of robots at one place stand on each other
       while (taken.some(([x, y]) => Math.abs(x - at[0]) < 110 && Math.abs(y - at[1]) < 22)) at[1] -= 23;
       taken.push(at);
@@ -168,6 +171,7 @@ class App {
   arrange() {
     for (const plot of this.plots) plot.draw();
     document.body.style.setProperty("--below", `${byId("clock").offsetHeight + 26}px`);
+    if (!this.moved) this.look(); // the first view still
   }
 
   fold(folded) {
@@ -182,25 +186,32 @@ class App {
     this.changed();
   }
 
-  look(direction = this.layout === "side-by-side" ? [0.1, -1, 0.55] : [0.55, -1, 0.55]) {
+  // From a direction: three numbers, the name of a preset, or as the scene and the layout have it.
+  look(direction = byId("camera").value || this.scene.camera) {
     const { box } = this.stage;
-    const points = this.runs.flatMap((run) => run.outline(box).map((point) => point.add(run.group.position)));
+    const presets = this.scene.cameras;
+    if (typeof direction === "string" && !presets[direction])
+      throw new Error(`no camera ${direction}: allowed: ${Object.keys(presets).join(", ")}`);
+    const from = presets[direction] || direction || (this.layout === "side-by-side" ? [0.1, -1, 0.55] : [0.55, -1, 0.55]);
+    const points = this.outline();
     if (!points.length) points.push(box.min.clone(), box.max.clone());
-    this.stage.look(points, direction, this.free());
+    this.stage.look(points, from, this.freeParts());
+    this.moved = false;
     this.changed();
   }
 
-  // The part of the picture that the panels leave free, -1 to 1.
-  free() {
-    const { innerWidth: width, innerHeight: height } = window;
-    const panel = width > 900 ? byId("panel").offsetWidth : 0; // 0 if it is not there
-    const edge = this.runs[0].motion ? 0.06 : 0.2; // a robot alone needs more room about it than a path
-    return {
-      left: edge - 1,
-      right: 1 - edge - (2 * panel) / width,
-      top: edge > 0.1 || this.several ? 0.76 : 0.88, // labels stand above the robots
-      bottom: edge - 0.96 + (2 * byId("clock").offsetHeight) / height,
-    };
+  // What is to be in view (m).
+  outline() {
+    return this.runs.flatMap((run) => run.outline(this.stage.box).map((point) => point.add(run.group.position)));
+  }
+
+  // The parts of the picture that what is written leaves free.
+  freeParts() {
+    const taken = ["info", "legend", "menu", "panel", "clock"].map(byId).filter((node) => node.offsetWidth);
+    // a robot alone needs more room about it than a path, and labels stand above the robots
+    const side = (this.runs[0].motion ? 0.02 : 0.08) * Math.min(window.innerWidth, window.innerHeight);
+    const top = side + (this.several ? 23 * this.runs.length : 0);
+    return this.stage.freeParts(taken.map((node) => node.getBoundingClientRect()), { side, top });
   }
 
   // The text that stays: the runs, the colours' meaning, the runs' labels.
@@ -297,6 +308,8 @@ class App {
     byId("posed").onchange = (event) => this.addSliders(drawn[event.target.value]);
     byId("speed").onchange = (event) => (this.speed = Number(event.target.value));
     byId("theme").onchange = (event) => this.setTheme(event.target.value);
+    for (const name of Object.keys(this.scene.cameras)) byId("camera").add(new Option(name, name));
+    byId("camera").onchange = () => this.look();
     byId("view").onclick = () => this.look();
     byId("rest").onclick = () => this.configure(runs[0], runs[0].robot.description.rest);
     byId("fold").onclick = () => this.fold(!document.body.classList.contains("folded"));

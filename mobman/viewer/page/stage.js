@@ -72,27 +72,32 @@ class Stage {
     this.root.add(...this.ground, this.floor);
   }
 
-  // Look at points from a direction, from as near as they all are in the free part of the picture.
-  look(points, direction, free) {
+  // Look at points from a direction, from as near as they all are in one of the free parts of the picture.
+  look(points, direction, parts) {
     const { viewer, radius } = this;
     const { camera } = viewer;
     viewer.set_3d_pane_size();
     camera.fov = 32;
     const away = new THREE.Vector3(...direction).normalize();
+    if (Math.hypot(away.x, away.y) < 1e-4) away.setY(-1e-4).normalize(); // from above, x is to the right
     const right = new THREE.Vector3(-away.y, away.x, 0).normalize();
     const up = new THREE.Vector3().crossVectors(away, right);
     const depths = points.map((point) => point.dot(away));
     const [nearest, farthest] = [Math.max(...depths), Math.min(...depths)];
     const vertical = Math.tan((camera.fov * Math.PI) / 360);
     // along each axis of the picture: how far the outermost lines of sight are apart, at depth 0
-    const sides = [
-      [right, free.left, free.right, vertical * Math.max(camera.aspect, 0.2)],
-      [up, free.bottom, free.top, vertical],
-    ].map(([axis, low, high, tangent]) => {
-      const at = (side) => points.map((point, i) => point.dot(axis) + side * tangent * depths[i]);
-      return { axis, low: low * tangent, high: high * tangent, least: Math.min(...at(low)), most: Math.max(...at(high)) };
-    });
-    const depth = Math.max(nearest + 0.05 * radius, ...sides.map((s) => (s.most - s.least) / (s.high - s.low)));
+    const fitted = (free) => {
+      const sides = [
+        [right, free.left, free.right, vertical * Math.max(camera.aspect, 0.2)],
+        [up, free.bottom, free.top, vertical],
+      ].map(([axis, low, high, tangent]) => {
+        const at = (side) => points.map((point, i) => point.dot(axis) + side * tangent * depths[i]);
+        return { axis, low: low * tangent, high: high * tangent, least: Math.min(...at(low)), most: Math.max(...at(high)) };
+      });
+      const depth = Math.max(nearest + 0.05 * radius, ...sides.map((s) => (s.most - s.least) / (s.high - s.low)));
+      return { sides, depth };
+    };
+    const { sides, depth } = parts.map(fitted).reduce((best, one) => (one.depth < best.depth ? one : best));
     const eye = away.clone().multiplyScalar(depth);
     for (const { axis, low, high, least, most } of sides)
       eye.addScaledVector(axis, (least + most - (low + high) * depth) / 2);
@@ -106,7 +111,33 @@ class Stage {
     viewer.controls.target.set(target.x, target.z, -target.y);
     camera.updateProjectionMatrix();
     viewer.controls.update();
+    camera.updateWorldMatrix(true, false); // so that points can be projected before it is drawn
     viewer.set_dirty();
+  }
+
+  // The largest parts of the picture that some rectangles (px) leave free, -1 to 1; the margins (px) within
+  // them are kept free, too. All of it, if they leave none that is worth looking at.
+  freeParts(taken, { side, top }) {
+    const { clientWidth: width, clientHeight: height } = this.viewer.dom_element;
+    const edges = (low, high, end) =>
+      [...new Set([0, end, ...taken.flatMap((box) => [box[low], box[high]])])].filter((at) => at >= 0 && at <= end);
+    const pairs = (values) => values.flatMap((a) => values.filter((b) => b > a).map((b) => [a, b]));
+    const overlap = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+    const inside = (a, b) => a.left >= b.left && a.right <= b.right && a.top >= b.top && a.bottom <= b.bottom;
+    const rows = pairs(edges("top", "bottom", height));
+    const empty = pairs(edges("left", "right", width))
+      .flatMap(([left, right]) => rows.map(([top, bottom]) => ({ left, right, top, bottom })))
+      .filter((part) => !taken.some((box) => overlap(part, box)));
+    const large = empty
+      .filter((part) => !empty.some((other) => other !== part && inside(part, other)))
+      .map((part) => ({ left: part.left + side, right: part.right - side, top: part.top + top, bottom: part.bottom - side }))
+      .filter((part) => part.right - part.left >= 0.2 * width && part.bottom - part.top >= 0.2 * height);
+    return (large.length ? large : [{ left: 0, right: width, top: 0, bottom: height }]).map(({ left, right, top: high, bottom }) => ({
+      left: (2 * left) / width - 1,
+      right: (2 * right) / width - 1,
+      top: 1 - (2 * high) / height,
+      bottom: 1 - (2 * bottom) / height,
+    }));
   }
 
   // A point of the world in pixels; null if it is behind the camera.
