@@ -210,6 +210,10 @@ class _Expansion:
     def check(self) -> None:
         """Note what is wrong with any of the suite's own entries, used or not."""
         attempt = self._problems.attempt
+        laws = [self._law_of(name) for name in self._controllers.fields]
+        known = [controllers.get(law) for law in laws if law in controllers.names()]
+        if self._suite.monitor and not any(hasattr(law, "monitored_signals") for law in known):
+            self._problems.note("monitor: none of its controllers has sliding variables")
         for name, gains in self._controllers.fields.items():
             label, law = self._controllers.labels[name], self._law_of(name)
             attempt(f"controller {name!r}", make_controller, law, **gains)
@@ -442,6 +446,7 @@ class _Expansion:
             dt=plan.dt,
             record_period=self._suite.record_period,
             compression=self._suite.compression,
+            monitor=self._suite.monitor and hasattr(controllers.get(law), "monitored_signals"),
             code_sha256=self._codes[key],
         )
 

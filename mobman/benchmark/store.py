@@ -23,7 +23,7 @@ from mobman.provenance import COMPUTING, versions
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
 from mobman.simulation.run_spec import RunSpec
 
-_COMPARED = ("law", "seed", "dt", "duration", "task_parameters", "scenario")
+_COMPARED = ("law", "seed", "dt", "duration", "task_parameters", "scenario", "monitor")
 
 
 @dataclass(frozen=True)

@@ -213,6 +213,8 @@ class SuiteTables(Strict):
     """Time from one recorded sample to the next (s); metrics are always those of all ticks."""
     compression: int = Field(4, ge=0, le=9)
     """Compression of the files, from 0, none, to 9."""
+    monitor: bool = False
+    """Whether what the theorems suppose is recorded of the runs of sliding laws."""
     controllers: dict[Label, ControllerEntry] = Field(min_length=1)
     tasks: dict[Label, TaskEntry] = {}
     """In addition to those that have names."""

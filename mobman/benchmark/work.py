@@ -244,6 +244,7 @@ def simulated_run(
         q0=None if placed is None else scenario.start_of(robot, placed),
         scenario=scenario,
         seed=run.seed,
+        monitor=run.monitor,
         progress=progress,
     )
     if run.placement:

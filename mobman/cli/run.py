@@ -112,6 +112,11 @@ _SHOWN: dict[str, Any] = {"show_default": True}
     **_PAIRS,
     help="A gain of the controller, such as a=0.2 or discretization=explicit; repeatable.",
 )
+@click.option(
+    "--monitor",
+    is_flag=True,
+    help="Record what the theorems suppose and conclude of a sliding law, and tell what fails first.",
+)
 @click.option("-o", "--output", type=FILE, help="HDF5 file for the record (.h5).")
 @FORCE
 @click.option("--all", "everything", is_flag=True, help="Print every metric, with its meaning.")
@@ -138,6 +143,7 @@ def run(
     scenario: str,
     seed: int,
     gain: dict[str, Any],
+    monitor: bool,
     output: Path | None,
     force: bool,
     everything: bool,
@@ -186,7 +192,7 @@ def run(
             settings |= {"observe": watched.observe, "observe_every": watched.every}
         title = f"{model.name} · {task} · {resolved.name} · {controller}"
         with progress_bar(title) as progress:
-            record = simulate(model, law, aim, progress=progress, **settings)
+            record = simulate(model, law, aim, progress=progress, monitor=monitor, **settings)
         saved = None if output is None else record.save(output)
         tell(record, model, saved, as_json=as_json, everything=everything)
         if watched is not None:
@@ -231,6 +237,7 @@ def tell(
     is known of it as JSON."""
     from mobman.simulation.limits import limit_remarks, unlimited_motors
     from mobman.simulation.metrics import list_metrics
+    from mobman.simulation.monitors import first_failure
 
     if as_json:
         keys = ("status", "message", "metrics", "settings", "spec", "versions")
@@ -264,6 +271,8 @@ def tell(
             if parts:
                 listing.add_row(f"  {section}", "; ".join(parts))
     out.print(listing)
+    if record.spec.get("monitor"):
+        out.print(f"theorems: {first_failure(record.t, record.signals)}", soft_wrap=True)
     if free := unlimited_motors(record):
         out.print(f"no torque limit is known of {', '.join(free)}", soft_wrap=True)
     for remark in limit_remarks(record, robot):

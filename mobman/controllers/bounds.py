@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,6 +23,10 @@ FLOOR = 1e-12
 weights, so that a sound robot may have 1e-9: the platform's part of an omnidirectional one."""
 _HORIZON = 10.0  # s: the part that is sampled of a task that does not say how long it is
 SEED = 20_240_607
+RATE_STEP = 1e-4
+"""Of central differences along the motion (rad or m)."""
+CONSTANT = 1e-12
+"""Part of a matrix below which a difference is rounding."""
 
 
 def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Array]]:
@@ -102,3 +107,15 @@ def inertia_bound(robot: MobileManipulator, task: Task) -> float:
         float(np.linalg.eigvalsh(robot.dynamics(q, none).M)[-1])
         for _, q in sampled_states(robot, task)
     )
+
+
+def rate_along(
+    robot: MobileManipulator, q: Array, z: Array, value: Callable[[Array], Array]
+) -> Array:
+    """d/dt of a matrix of q along q' = C z, by central differences; for z of a length near 1."""
+    step = RATE_STEP * (robot.velocity_map(q) @ z)
+    before, after = value(q - step), value(q + step)
+    change = after - before
+    if np.abs(change).max() <= CONSTANT * max(np.abs(after).max(), np.abs(before).max()):
+        return np.zeros_like(change)
+    return change / (2.0 * RATE_STEP)

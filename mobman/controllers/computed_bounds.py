@@ -26,7 +26,16 @@ from scipy.optimize import Bounds, linprog, minimize
 from scipy.stats import beta
 
 from mobman.arrays import Array
-from mobman.controllers.bounds import AUTO_MARGIN, FLOOR, SEED, SPREAD, sampled_states
+from mobman.controllers.bounds import (
+    AUTO_MARGIN,
+    CONSTANT,
+    FLOOR,
+    RATE_STEP,
+    SEED,
+    SPREAD,
+    rate_along,
+    sampled_states,
+)
 from mobman.errors import SingularityError
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
@@ -64,9 +73,7 @@ BOUNDED = {
 MARGIN = 0.1
 """By which bounds lie beyond the largest value found, as a part of it."""
 CONFIDENCE = 0.95
-_STEP = 1e-4  # rad or m: of central differences along the motion
 _STEP_J = 1e-3  # rad or m: of J's, of which there are second ones
-_CONSTANT = 1e-12  # part of a matrix below which a difference is rounding
 _WITH_DERIVATIVES = 60  # states at which the derivatives of J are computed, nq^2 + nq J each
 _STARTS = 2  # of the local search: the worst samples
 _ITERATIONS = 25  # of the local search
@@ -176,9 +183,9 @@ class _Region:
     def _steers(self, i: int) -> bool:
         """True if the directions of motion C depend on a coordinate."""
         moved = self.robot.q_rest.copy()
-        moved[i] += _STEP
+        moved[i] += RATE_STEP
         change = self.robot.velocity_map(moved) - self.robot.velocity_map(self.robot.q_rest)
-        return bool(np.abs(change).max() > _CONSTANT)
+        return bool(np.abs(change).max() > CONSTANT)
 
     def steered(self, q: Array, random: np.random.Generator) -> Array:
         q = q.copy()
@@ -241,10 +248,11 @@ class _Dynamics:
 
     def terms(self) -> dict[str, _Term]:
         """The terms by the constant that bounds them."""
+        robot = self.robot
         return {
-            "w_3": lambda q, z: _norm(self._rate(q, z, lambda at: self._at(at).B)),
-            "w_4": lambda q, z: _norm(self._rate(q, z, lambda at: self._quadratic(at, z))),
-            "w_5": lambda q, z: _norm(self._rate(q, z, lambda at: self._at(at).bias)),
+            "w_3": lambda q, z: _norm(rate_along(robot, q, z, lambda at: self._at(at).B)),
+            "w_4": lambda q, z: _norm(rate_along(robot, q, z, lambda at: self._quadratic(at, z))),
+            "w_5": lambda q, z: _norm(rate_along(robot, q, z, lambda at: self._at(at).bias)),
             "w_7": lambda q, z: _norm(self._at(q).M),
             "w_8": lambda q, z: _norm(self._inertia_rate(q, z)) / 2.0,
             "w_9": lambda q, z: _norm(self._inertia_rate(q, z) + self._by_velocity(q, z)),
@@ -255,7 +263,7 @@ class _Dynamics:
         return self.robot.dynamics(q, self.rest)
 
     def _inertia_rate(self, q: Array, z: Array) -> Array:
-        return self._rate(q, z, self.robot.reduced_inertia)
+        return rate_along(self.robot, q, z, self.robot.reduced_inertia)
 
     def _quadratic(self, q: Array, z: Array) -> Array:
         """Pz of (17)."""
@@ -270,15 +278,6 @@ class _Dynamics:
             for e in units
         ]
         return np.stack(columns, axis=1)
-
-    def _rate(self, q: Array, z: Array, value: Callable[[Array], Array]) -> Array:
-        """d/dt of a value along q' = C z."""
-        step = _STEP * (self.robot.velocity_map(q) @ z)
-        before, after = value(q - step), value(q + step)
-        change = after - before
-        if np.abs(change).max() <= _CONSTANT * max(np.abs(after).max(), np.abs(before).max()):
-            return np.zeros_like(change)
-        return change / (2.0 * _STEP)
 
 
 class _Derivatives:

@@ -74,7 +74,8 @@ class NullSpaceSlidingMode(TerminalSlidingMode):
     Gains = NullSpaceGains
     extended = False
 
-    def _metric(self, robot: MobileManipulator) -> Array:
+    def metric(self, robot: MobileManipulator) -> Array:
+        """See :class:`TerminalSlidingMode`."""
         return base_metric(robot)
 
     def _reference(

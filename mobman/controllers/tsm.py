@@ -446,7 +446,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         self._task = task
         gains = self._used = self._with_bounds(robot, task)
         self.criterion = gains.criterion(robot, task)
-        space = self._space = self._task_space(robot, task)
+        space = self._space = self.task_space(robot, task)
         a, A = self._bounds(robot, task)
         K_F = self.criterion.weights.tolist()
         self._settings = as_settings(gains) | {"a": a, "A": A, "K_F": K_F}
@@ -500,6 +500,21 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         """The sliding variables of the last tick: s of (31) and S of (51)."""
         return {"sliding/s": self._kinematic.s, "sliding/S": self._dynamic.s}
 
+    def monitored_signals(self) -> dict[str, Array]:
+        """The signals of a monitored run: in addition, what the theorems speak of. v_ref is that of the
+        tick's end; z' is as the law takes it, and v' as it is before a motor's limit."""
+        kinematic, dynamic, held = self._kinematic, self._dynamic, self._held
+        return self.signals() | {
+            "sliding/g": kinematic.g,
+            "sliding/n": kinematic.n,
+            "sliding/v_ref": held.v_ref,
+            "sliding/v_ref_dot": held.v_ref_dot,
+            "sliding/G": dynamic.g,
+            "sliding/n_d": dynamic.n,
+            "sliding/v_dot": held.v_dot,
+            "sliding/z_dot": self._z_dot,
+        }
+
     def _reference(
         self, robot: MobileManipulator, stage: tuple[Any, ...]
     ) -> list[Callable[[], Any]]:
@@ -507,7 +522,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         if not self.gains.damping:
             return [bind(kinematic_stage, *stage)]
         task, space = self._task, self._space
-        tip = jacobian_bound(robot, task, TaskSpace(robot, task), self._metric(robot))
+        tip = jacobian_bound(robot, task, TaskSpace(robot, task), self.metric(robot))
         bounds = (self._settings["a"], tip)
         own = Damping.of(float(self.gains.damping), bounds, space.p, robot.nz)
         return [bind(damped_stage, *stage, own)]
@@ -532,17 +547,18 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         found: dict[str, Any] = dict(computed_bounds(robot, task).values)
         return replace(gains, **{n: x for n, x in found.items() if n not in others})
 
-    def _task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
+    def task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:
+        """The coordinates f of (31), or of (44)."""
         return TaskSpace(robot, task, self.criterion if self.extended else None)
 
-    def _metric(self, robot: MobileManipulator) -> Array:
+    def metric(self, robot: MobileManipulator) -> Array:
         """Diagonal of the Omega in J Omega J^T, whose least eigenvalue ``a`` lies below; shape (nz,)."""
         return np.ones(robot.nz)
 
     def _bounds(self, robot: MobileManipulator, task: Task) -> tuple[float, float]:
         a, A = self._used.a, self._used.A
         if isinstance(a, str):
-            a = jacobian_bound(robot, task, self._task_space(robot, task), self._metric(robot))
+            a = jacobian_bound(robot, task, self.task_space(robot, task), self.metric(robot))
         if isinstance(A, str) and self.inverse_actuation:
             A = inertia_bound(robot, task)
         elif isinstance(A, str):

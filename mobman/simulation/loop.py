@@ -137,6 +137,7 @@ class Loop:
         progress: Called with the fraction done, about a hundred times.
         observe: Called with the state and the torque at every ``stride``-th tick.
         stride: Ticks from one call to the next.
+        monitor: Whether the controller gives its ``monitored_signals()`` in the place of ``signals()``.
 
     Attributes:
         robot: As given; so are ``controller``, ``task``, ``task_map``, ``plant``, ``ticks``, ``dt``.
@@ -162,6 +163,7 @@ class Loop:
         progress: Callable[[float], None] | None,
         observe: Observer | None,
         stride: int,
+        monitor: bool = False,
     ) -> None:
         self.robot, self.controller, self.task = robot, controller, task
         self.task_map, self.plant = task_map, plant
@@ -177,7 +179,8 @@ class Loop:
         self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
         self._look = self._looking()
         self._auxiliary: Callable[[], object] | None = None
-        self._report: Callable[[], dict[str, Any]] | None = getattr(controller, "signals", None)
+        report = "monitored_signals" if monitor else "signals"
+        self._report: Callable[[], dict[str, Any]] | None = getattr(controller, report, None)
 
     @property
     def criterion(self) -> Criterion:

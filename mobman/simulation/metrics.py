@@ -65,6 +65,8 @@ class Run:
     """p_d at the ticks (m), shape (N, min(m, 3))."""
     ground: Mapping[str, Array] = field(default_factory=dict)
     """Signals of the plant by name, N rows each; none of the ideal one."""
+    monitors: Mapping[str, Array] = field(default_factory=dict)
+    """Signals of a monitored law and what :mod:`mobman.simulation.monitors` makes of them; else none."""
 
     @property
     def steady(self) -> Array:
@@ -101,7 +103,7 @@ class Metric:
     function: Function
     section: str = ""
     """Heading under which reports show it: ``"tracking"``, ``"redundancy"``, ``"effort"``,
-    ``"limits"``, ``"ground"``, ``"consistency"``, ``"timing"``; others come last."""
+    ``"limits"``, ``"ground"``, ``"theorems"``, ``"consistency"``, ``"timing"``; others come last."""
     short: str = ""
     """Its name in the few lines that ``mobman run`` prints; empty if it is not among them."""
     applies: Callable[[Run], bool] | None = None

@@ -246,6 +246,7 @@ def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | No
         plant=plant,
         scenario=scenario,
         seed=run.seed,
+        monitor=run.monitor,
         progress=progress,
     )
 

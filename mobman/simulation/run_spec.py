@@ -34,7 +34,9 @@ _RECORDED = (
     *("task", "gains", "task_parameters", "task_object", "scenario", "duration", "dt", "q0"),
     *("seed", "plant", "plant_masses", "at_start", "not_repeatable"),
 )
-_RECORDED_IF_GIVEN = ("task_given", "placement", "plant_scenario", "plant_robot", "plant_inertias")
+_RECORDED_IF_GIVEN = (
+    *("task_given", "placement", "monitor", "plant_scenario", "plant_robot", "plant_inertias"),
+)
 _LACKING: dict[str, Any] = {"task": "", "task_parameters": {}, "plant": "", "plant_masses": []}
 """Parts of a record's description that a repetition does without."""
 
@@ -96,6 +98,8 @@ class RunSpec:
     for, from which the scenario may displace the robot."""
     placement: Annotated[int, Field(ge=0)] = 0
     """Its number in the suite, see :func:`mobman.simulation.placements.placements`."""
+    monitor: bool = False
+    """Whether what the theorems suppose is recorded, see :mod:`mobman.simulation.monitors`."""
     description: Table = Field(default_factory=dict)
     """The robot's, as a TOML file has it; this and what follows is known of a run that was done."""
     task_object: Any = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -20,6 +21,7 @@ from mobman.model.task_map import TaskMap
 from mobman.provenance import versions
 from mobman.simulation.loop import Loop, Observer
 from mobman.simulation.metrics import Run, compute_metrics
+from mobman.simulation.monitors import monitors, require_monitored
 from mobman.simulation.parts import GivenPlant, describe_run, urdfs_of_run
 from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record
@@ -47,6 +49,7 @@ def simulate(
     plant: GivenPlant = None,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     seed: int = 0,
+    monitor: bool = False,
     progress: Callable[[float], None] | None = None,
     observe: Observer | None = None,
     observe_every: float = 1.0 / 60.0,
@@ -74,6 +77,8 @@ def simulate(
         scenario: How the plant and its sensors differ from what the controller supposes; by name,
             TOML file or object. Nominal by default.
         seed: Of all randomness in the scenario.
+        monitor: Whether what the theorems suppose and conclude is recorded of a sliding law, in the
+            group ``monitors``, see :mod:`mobman.simulation.monitors`.
         progress: Called with the fraction done, about a hundred times.
         observe: Called with t, q, z and the torque, copies of them, as the run goes.
         observe_every: How much simulated time there is from one call to the next (s), to the nearest
@@ -89,6 +94,8 @@ def simulate(
     if not isinstance(robot, MobileManipulator):
         robot = load_robot(robot)
     law = _controller(controller)
+    if monitor:
+        require_monitored(law)
     duration, dt = seconds("duration", duration), seconds("dt", dt)
     ticks = whole_ticks(duration, dt)
     stride = max(1, round(seconds("observe_every", observe_every) / dt))
@@ -114,6 +121,7 @@ def simulate(
             progress=progress,
             observe=observe,
             stride=stride,
+            monitor=monitor,
         )
         loop.run()
     run = describe_run(
@@ -126,6 +134,7 @@ def simulate(
         dt=dt,
         q0=start,
         seed=seed,
+        monitor=monitor,
     )
     return _record(loop, run, urdfs_of_run(robot, plant))
 
@@ -271,6 +280,11 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
     signals = {name: values[:n] for name, values in samples.signals.items()}
     if samples.applied is not None:
         signals[APPLIED] = done.torque
+    if run.monitor:
+        own = {name: values for name, values in signals.items() if name.startswith("sliding/")}
+        own |= monitors(done, controller, own, samples.torque[:n])
+        done = replace(done, monitors=own)
+        signals |= own
     return Record(
         t=done.t,
         q=done.q,

@@ -71,7 +71,7 @@ class Singularity:
         }
 
 
-class _Jacobians:
+class Jacobians:
     """J and J_e of a robot and its task at configurations that follow each other."""
 
     def __init__(self, robot: MobileManipulator, task: Task, criterion: Criterion) -> None:
@@ -137,7 +137,7 @@ def verdict(run: Run, extended: bool, error: SingularityError | None) -> Singula
         return found if left == last else None
     first = max(0, left - round(_AFTERMATH / run.dt))
     try:
-        jacobians = _Jacobians(run.robot, run.task, run.criterion)
+        jacobians = Jacobians(run.robot, run.task, run.criterion)
     except MobmanError:  # a task whose points cannot be sampled
         jacobians = None
     if jacobians is not None:
@@ -160,7 +160,7 @@ def verdict(run: Run, extended: bool, error: SingularityError | None) -> Singula
     return Singularity(error.matrix, float(run.t[last]), math.nan, math.nan, joint, margin)
 
 
-def _along(jacobians: _Jacobians, states: Array) -> tuple[dict[str, Array], Array]:
+def _along(jacobians: Jacobians, states: Array) -> tuple[dict[str, Array], Array]:
     """Least singular values along configurations, and the signs of the determinant."""
     rows: list[dict[str, float]] = []
     signs: list[float] = []
@@ -268,7 +268,7 @@ def predict_singularity(
     """
     criterion = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
     motion = follow(robot, task, duration=duration, q0=q0, criterion=criterion)
-    bounds, tip = _Jacobians(robot, task, criterion).bounds, float(motion.sigma_tip[-1])
+    bounds, tip = Jacobians(robot, task, criterion).bounds, float(motion.sigma_tip[-1])
     found = None
     if motion.ended:
         name, sigma = ("J_e", tip) if tip < bounds["J_e"] else ("J", 0.0)
@@ -301,7 +301,7 @@ def follow(
         step: The longest (s).
     """
     criterion = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
-    jacobians = _Jacobians(robot, task, criterion)
+    jacobians = Jacobians(robot, task, criterion)
     extended, m, posture = jacobians.extended, jacobians.m, _posture(robot)
     space, rest = TaskSpace(robot, task, criterion), np.zeros(robot.nz)
 

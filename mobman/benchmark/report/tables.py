@@ -44,6 +44,7 @@ _SECTIONS = {
     "effort": "Effort",
     "limits": "Limits of the robot",
     "ground": "Wheels on the ground",
+    "theorems": "What the theorems suppose",
     "consistency": "Consistency of the simulation",
     "timing": "Computing time",
 }
