@@ -13,6 +13,7 @@ import click
 from mobman.cli.names import complete
 from mobman.cli.output import FILE, JSON, PORT, POSITIVE, echo, print_json, verbosity
 from mobman.cli.progress import progress_bar
+from mobman.errors import UsageError
 
 _ENDINGS = {"html": (".html", ".htm"), "png": (".png",), "gif": (".gif",), "mp4": (".mp4",)}
 
@@ -65,6 +66,10 @@ def _pixels(
     help="Where to look from: a preset, or a direction.",
 )
 @click.option("--png", type=FILE, callback=_ending, help="Write a picture.")
+@click.option(
+    "--scale", type=POSITIVE, help="Pixels of the picture for each of --size.  [default: 1]"
+)
+@click.option("--transparent", is_flag=True, help="Picture without background and boxes.")
 @click.option("--gif", type=FILE, callback=_ending, help="Write a film as GIF.")
 @click.option("--mp4", type=FILE, callback=_ending, help="Write a film as MP4.")
 @click.option("--fps", type=POSITIVE, help="Frames a second of a film.  [default: 30; 20 for GIF]")
@@ -93,6 +98,8 @@ def view(
     time: float | None,
     camera: str | None,
     png: Path | None,
+    scale: float | None,
+    transparent: bool,
     gif: Path | None,
     mp4: Path | None,
     as_json: bool,
@@ -104,6 +111,8 @@ def view(
     """
     from mobman.viewer.view import View, make_scene
 
+    if png is None and (transparent or scale is not None):
+        raise UsageError("--scale and --transparent are for a picture: give --png FILE, too")
     scene = make_scene(what, layout=layout, time=time, camera=camera)
     for warning in scene.warnings:
         warnings.warn(warning, stacklevel=1)
@@ -112,7 +121,8 @@ def view(
         if html is not None:
             written.append(("page", shown.save(html)))
         if png is not None:
-            written.append(("picture", shown.save(png, time=time, size=film["size"])))
+            look = {"scale": scale or 1.0, "transparent": transparent}
+            written.append(("picture", shown.save(png, time=time, size=film["size"], **look)))
         for path in filter(None, (gif, mp4)):
             with progress_bar(path.name) as progress:
                 shown.save(path, **film, progress=progress)

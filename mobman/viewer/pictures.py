@@ -48,6 +48,8 @@ def save_picture(
     *,
     time: float | None = None,
     size: tuple[int, int] | None = None,
+    scale: float = 1.0,
+    transparent: bool = False,
 ) -> None:
     """Write a picture as a PNG file: whole, or not at all.
 
@@ -56,16 +58,24 @@ def save_picture(
         path: The file.
         time: s; the end of the longest run by default.
         size: Width and height (pixels).
+        scale: Pixels of the file for each of these, along both; letters and lines grow with it.
+        transparent: True for the robots, their lines, labels and shadows alone, on nothing.
 
     Raises:
-        UsageError: If the time or the size cannot be.
+        UsageError: If the time, the size or the scale cannot be.
         BrowserError: If there is no browser.
         MobmanError: If the file cannot be written.
     """
     if time is not None and not (math.isfinite(time) and time >= 0.0):
         raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
     at = scene.duration if time is None else min(time, scene.duration)
-    picture = _in_browser(scene, _checked_size(size), lambda page: _frame(page, at))
+    if not (math.isfinite(scale) and scale > 0.0):
+        raise UsageError(f"scale = {scale!r}: must be a number above 0")
+    shown = _checked_size(size)
+    _checked_size((round(scale * shown[0]), round(scale * shown[1])))
+    picture = _in_browser(
+        scene, shown, lambda page: _frame(page, at, transparent), scale, transparent
+    )
     write_whole(path, lambda file: file.write_bytes(picture))
 
 
@@ -124,9 +134,9 @@ def save_film(
     _in_browser(scene, even, shoot)
 
 
-def _frame(page: Any, time: float) -> bytes:
+def _frame(page: Any, time: float, transparent: bool = False) -> bytes:
     page.evaluate("time => window.mobman.setTime(time)", time)
-    picture: bytes = page.screenshot(type="png")
+    picture: bytes = page.screenshot(type="png", omit_background=transparent)
     return picture
 
 
@@ -163,7 +173,13 @@ def _encoder() -> Any:
     return imageio_ffmpeg
 
 
-def _in_browser(scene: Scene, size: tuple[int, int], act: Callable[[Any], Any]) -> Any:
+def _in_browser(
+    scene: Scene,
+    size: tuple[int, int],
+    act: Callable[[Any], Any],
+    scale: float = 1.0,
+    transparent: bool = False,
+) -> Any:
     """Open the page of a scene, without its controls, and do something with it; returns its result.
 
     Raises:
@@ -177,11 +193,12 @@ def _in_browser(scene: Scene, size: tuple[int, int], act: Callable[[Any], Any]) 
             file = Path(folder) / "page.html"
             file.write_text(document(scene.title, scene.content), encoding="utf-8")
             try:
-                page = running.new_page(viewport={"width": size[0], "height": size[1]})
+                viewport = {"width": size[0], "height": size[1]}
+                page = running.new_page(viewport=viewport, device_scale_factor=scale)
                 page.set_default_timeout(_PATIENCE)
                 page.goto(file.as_uri())
                 page.evaluate("window.mobman.ready")
-                page.evaluate("window.mobman.picture()")
+                page.evaluate("on => window.mobman.picture(on)", transparent)
                 return act(page)
             except Error as error:
                 raise BrowserError(f"the browser failed: {str(error).splitlines()[0]}") from error

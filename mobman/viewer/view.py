@@ -99,8 +99,8 @@ class View:
 
         Args:
             path: ``.html`` for the page, ``.png`` for a picture, ``.gif`` or ``.mp4`` for a film.
-            options: For a picture ``time`` (s) and ``size`` (pixels); for a film ``fps``, ``size``
-                and ``speed``.
+            options: For a picture ``time`` (s), ``size`` (pixels), ``scale`` (2 for twice as many)
+                and ``transparent``; for a film ``fps``, ``size`` and ``speed``.
 
         Returns:
             The file's path.

@@ -32,6 +32,20 @@ def test_picture(view, tmp_path):
 
 
 @pytest.mark.usefixtures("browser")
+def test_transparent_picture_at_twice_the_size(view, tmp_path):
+    """Nothing where no robot, line or shadow is: the colours of those do not depend on the page's."""
+    with Image.open(
+        view.save(tmp_path / "clear.png", size=SMALL, scale=2.0, transparent=True)
+    ) as image:
+        assert image.size == (640, 400)
+        assert image.mode == "RGBA"
+        r, g, b, alpha = np.moveaxis(np.asarray(image, dtype=float), 2, 0)
+    assert np.mean(alpha == 0.0) > 0.5
+    assert np.mean((alpha == 255.0) & (r > 1.4 * g) & (g > 1.4 * b)) > 0.01, "the youBot is orange"
+    assert alpha[:4].max() == alpha[-4:].max() == 0.0, "boxes are left out"
+
+
+@pytest.mark.usefixtures("browser")
 def test_gif(view, tmp_path):
     with Image.open(view.save(tmp_path / "film.gif", size=SMALL, fps=10.0)) as film:
         assert film.size == SMALL
@@ -64,6 +78,9 @@ def test_mp4(view, tmp_path):
         ("picture.png", {"time": -1.0}, "time = -1.0"),
         ("picture.png", {"size": (3, 3)}, "size = 3x3"),
         ("picture.png", {"colour": "red"}, "colour"),
+        ("picture.png", {"scale": 0.0}, "scale = 0.0"),
+        ("picture.png", {"scale": 20.0}, "size = 25600x14400: allowed"),
+        ("film.gif", {"transparent": True}, "transparent"),
         ("film.mp4", {"fps": 0.0}, "fps = 0.0"),
         ("film.gif", {"speed": float("inf")}, "speed = inf"),
         ("film.gif", {"fps": 1e6}, "allowed: 20000"),

@@ -419,7 +419,7 @@ async function start() {
     setLayout: drawn((layout) => app.setLayout(layout)),
     colourTrails: drawn((byError) => app.colourTrails(byError)),
     setTheme: drawn((theme) => app.setTheme(theme)),
-    look: drawn((direction) => app.look(direction)),
+    look: drawn((direction) => (app.look(direction), (app.moved = true))),
     setConfiguration: drawn((q, index) => app.configure(run(index), q)),
     play: () => app.play(),
     pause: () => app.pause(),
@@ -450,10 +450,12 @@ async function start() {
       });
     },
     frameTimes: (index) => Array.from(run(index).motion.t),
-    // without controls and with everything that looks good, for pictures
-    picture: drawn(() => {
+    // without controls and with everything that looks good, for pictures; or the robots and lines alone
+    picture: drawn((transparent = false) => {
       app.stage.setShadows(true);
       document.body.classList.add("picture");
+      document.documentElement.classList.toggle("transparent", transparent);
+      if (transparent) app.stage.clear();
       app.look();
     }),
   });

@@ -1,7 +1,7 @@
 // The stage: MeshCat's viewer with light, ground, axes and a camera that has everything in view.
 class Stage {
   constructor(pane, [low, high]) {
-    const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
     renderer.shadowMap.enabled = true;
     renderer.shadowMap.type = THREE.PCFShadowMap;
     renderer.outputEncoding = THREE.sRGBEncoding;
@@ -29,6 +29,13 @@ class Stage {
     scene.background = new THREE.Color(styled("page")); // three.js takes it and the fog's as they are
     scene.fog.color.copy(scene.background);
     for (const { name, material } of this.ground) if (name) material.color.copy(colourOf(styled(name)));
+  }
+
+  // Without background and ground, for a picture on a page of another colour.
+  clear() {
+    for (const object of this.ground) object.visible = false;
+    this.viewer.scene.background = this.viewer.scene.fog = null;
+    this.viewer.renderer.setClearColor(0, 0);
   }
 
   setShadows(on) {
@@ -105,7 +112,7 @@ class Stage {
     const target = eye.clone().addScaledVector(away, -distance);
     camera.near = distance / 200;
     camera.far = distance * 30 + 20 * radius;
-    Object.assign(viewer.scene.fog, { near: 1.2 * distance, far: 1.2 * distance + 6 * radius });
+    Object.assign(viewer.scene.fog || {}, { near: 1.2 * distance, far: 1.2 * distance + 6 * radius });
     // MeshCat's camera and its controls have y up
     camera.position.set(eye.x, eye.z, -eye.y);
     viewer.controls.target.set(target.x, target.z, -target.y);
