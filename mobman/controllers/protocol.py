@@ -20,6 +20,7 @@ class Controller(Protocol):
 
     Optional: ``name``; ``settings() -> dict`` with the gains in force, for records; ``signals() ->
     dict`` with arrays of the last tick, recorded under their names (``"sliding/s"``, ...);
+    ``monitored_signals()``, what :mod:`mobman.simulation.monitors` needs of a sliding law;
     ``signals_in_place``, true if those arrays stay the same from :meth:`reset` on and are overwritten;
     ``criterion``, what e^a is measured by, the robot's posture criterion if there is none; ``uses``, the
     keys of :data:`INFORMATION` that the law takes, for reports, which say nothing if there is none;

@@ -460,9 +460,9 @@ def run_charts(
     law: str,
     title: str,
     ended: bool,
-    shares: Mapping[str, Array] | None = None,
+    ratios: Mapping[str, Mapping[str, Array]],
 ) -> list[Spec]:
-    """Draw a run against time: norms of errors, shares of limits, and torques.
+    """Draw a run against time: norms of errors, ratios such as shares of limits, and torques.
 
     Args:
         t: Time (s).
@@ -472,7 +472,7 @@ def run_charts(
         law: Of its controller, whose colour it has.
         title: Of the figure.
         ended: True if it ended early.
-        shares: Values over their limits by name, for a panel in which 1 is marked.
+        ratios: Values by name, by the title of their axis, for a panel each in which 1 is marked.
     """
     duration = float(t[-1]) if len(t) and t[-1] > 0.0 else 1.0
     end = duration if ended else math.nan
@@ -488,16 +488,18 @@ def run_charts(
         height = 150.0 if charts else 240.0
         options: dict[str, Any] = {"duration": duration, "heading": heading, "height": height}
         charts.append(time_chart(curves, looks, title=words, axis=axis, **options))
-    if shares:
-        curves = [Curve(name, *thin(t, values), end) for name, values in shares.items()]
+    for axis, parts in ratios.items():
+        if not parts:
+            continue
+        curves = [Curve(name, *thin(t, values), end) for name, values in parts.items()]
         seen = np.concatenate([curve.values for curve in curves])
         _, high = decades([10.0, *seen[np.isfinite(seen)]])
         charts.append(
             time_chart(
                 curves,
-                motor_looks(list(shares)),
-                title=f"Largest shares of the robot's limits against time: {title}",
-                axis="share of the limit",
+                motor_looks(list(parts)),
+                title=f"{axis} against time: {title}",
+                axis=axis,
                 duration=duration,
                 limits=(1e-2, high),
                 mark=1.0,

@@ -295,6 +295,17 @@ def bound_ratio(signals: Mapping[str, Array], stage: str) -> Array:
     return np.asarray(signals[f"monitors/left_{stage}"] / signals[f"monitors/bound_{stage}"])
 
 
+def ratios_of(signals: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+    """The assumptions, which hold up to 1, and the margins, which suffice from 1 on, for figures: by the
+    title of an axis and a name; none of a run that is not monitored."""
+    if "monitors/margin_dynamic" not in signals:
+        return {}
+    return {
+        "assumption holds up to 1": {item.equation: item.ratio for item in assumptions(signals)},
+        "margin of the gain": {stage: signals[f"monitors/margin_{stage}"] for stage in STAGES},
+    }
+
+
 def first_failure(t: Array, signals: Mapping[str, Array]) -> str:
     """One line: which assumptions failed, the first one first, when, and by how much; and the margins.
 

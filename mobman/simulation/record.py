@@ -197,7 +197,8 @@ class Record(Displayed):
         return pd.DataFrame(columns, index=pd.Index(self.t, name="t"))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
-        """Draw errors, sliding variables, the largest shares of the robot's limits, and torques.
+        """Draw errors, sliding variables, the largest shares of the robot's limits, and torques; of a
+        monitored run what the theorems need, too.
 
         >>> import mobman as mm
         >>> record = mm.simulate("youbot", "pseudo-inverse", "paper", duration=0.05)
@@ -216,6 +217,7 @@ class Record(Displayed):
             MobmanError: If the file cannot be written.
         """
         from mobman.figures import charts, files  # these take a second to import
+        from mobman.simulation.monitors import ratios_of
 
         title = f"{self.controller} on {self.robot}, {self.task}, {self.scenario}"
         if not self.ok:
@@ -234,7 +236,7 @@ class Record(Displayed):
             law=self.controller,
             title=title,
             ended=not self.ok,
-            shares=self._shares_of_limits(),
+            ratios={"share of the limit": self._shares_of_limits(), **ratios_of(self.signals)},
         )
         return files.displayed(specs) if path is None else files.save(Path(path), specs, title)
 

@@ -98,6 +98,26 @@ def test_left_sides_are_those_of_the_equations_to_first_order_in_the_period(youb
     assert np.all(np.array(errors[1]) < 0.65 * np.array(errors[0]))
 
 
+@pytest.mark.parametrize(
+    ("robot", "law", "task"),
+    [
+        ("fixed_panda", "tsm-simplified", "circle"),
+        ("hunter_ur10", "tsm-null-space", "circle"),
+        ("tiago_no_hand", "tsm", "pose-circle"),
+        ("tiago_no_hand", "tsm", "pointing-circle"),
+    ],
+)
+def test_left_sides_on_other_platforms_and_tasks(robot, law, task):
+    law, robot, task, record = monitored(robot, law, task, duration=0.3)
+    ticks = list(range(100, 290, 20))
+    for stage, left in zip(
+        ("kinematic", "dynamic"), left_sides(law, robot, task, record, ticks), strict=True
+    ):
+        found = record.signals[f"monitors/left_{stage}"][ticks]
+        assert np.all(abs(found - left) <= 0.01 * record.signals[f"monitors/bound_{stage}"][ticks])
+        assert np.median(abs(found / left - 1.0)) < 1e-3
+
+
 @pytest.mark.parametrize(("name", "robot"), LAWS.items())
 def test_gains_times_unit_vectors_are_what_the_law_did(name, robot):
     """J v_ref' = -c/a (W + c_0) J Omega J^T n and B v' = -C/A (chi + C_0) B B^T n_d, (34) to (66)."""
@@ -275,3 +295,13 @@ def test_suites_monitor_their_sliding_laws(tmp_path):
     assert np.isnan(rows.loc["pseudo-inverse", "gain_margin_dynamic"])
     with pytest.raises(SpecError, match="monitor: none of its controllers has sliding variables"):
         suite_of(["pseudo-inverse"], monitor=True).runs()
+
+
+def test_figures_of_monitored_runs_have_the_assumptions_and_the_margins(run, youbot):
+    def axes(record):
+        panels = record.plot().to_dict()["vconcat"]
+        return [panel["layer"][0]["encoding"]["y"]["title"] for panel in panels if "layer" in panel]
+
+    plain = axes(mm.simulate(youbot, "tsm", "paper", duration=0.05))
+    added = ["assumption holds up to 1", "margin of the gain"]
+    assert [title for title in axes(run[3]) if title not in plain] == added
