@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import mobman as mm
 from mobman.figures.looks import LAWS
@@ -91,3 +93,34 @@ def test_labels_say_what_differs(pair):
     assert labels([first, heavier, second], "abc")[1] == "tsm · heavier"
     assert labels([first, first], ["a", "b"]) == ["tsm · a", "tsm · b"]
     assert labels([dataclasses.replace(first, seed=1), first], "ab") == ["seed 1", "seed 0"]
+
+
+def test_robots_that_are_together_do_not_hide_one_another(pair, opened, tmp_path):
+    """Both colours are there at the start, about as much of one as of the other."""
+
+    def shares(page):
+        page.evaluate(
+            """() => {
+                const { runs, stage } = mobman.app;
+                for (const run of runs)
+                    for (const { material } of run.robot.layers.visual)
+                        Object.assign(material, { emissive: material.color.clone(), opacity: 1 });
+                for (const layer of ["ground", "tip", "trails"]) mobman.show(layer, false);
+                for (const id of ["labels", "info", "panel", "legend"])
+                    document.getElementById(id).hidden = true;
+            }"""
+        )
+        with Image.open(io.BytesIO(page.screenshot())) as image:
+            r, _, b = np.moveaxis(np.asarray(image.convert("RGB"), dtype=float), 2, 0)
+        return np.mean(b > r + 30.0), np.mean(r > b + 30.0)  # blue tsm, red pseudo-inverse
+
+    with opened(mm.view(pair, html=tmp_path / "pair.html").url, draws=True) as page:
+        page.evaluate("mobman.setTime(0)")
+        assert page.evaluate("mobman.app.runs.map(run => run.robot.stripe.value.y)") == [2, 2]
+        blue, red = shares(page)
+        assert blue > 0.003
+        assert 0.6 < blue / red < 1.6
+        page.evaluate("mobman.setLayout('side-by-side')")
+        assert page.evaluate("mobman.app.runs.map(run => run.robot.stripe.value.y)") == [1, 1]
+        page.evaluate("mobman.setLayout('overlay')")
+        assert page.evaluate("mobman.app.runs.map(run => run.robot.stripe.value.x)") == [0, 1]

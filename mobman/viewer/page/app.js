@@ -2,6 +2,8 @@
 const GHOST = 0.62;
 const LAG = 0.1; // s, of a run that is followed
 const PAUSE = 60; // ms between two questions for its frames
+const STRIPE = 7; // px
+const TOGETHER = 0.15; // distance of robots that would hide one another, of their size
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
 const byId = (id) => document.getElementById(id);
@@ -89,6 +91,15 @@ class App {
     this.goTo(time);
   }
 
+  // Robots at one place, as at the start of a comparison, share it in stripes.
+  share() {
+    const robots = this.runs.filter((run) => run.robot && run.motion);
+    for (const run of robots) {
+      const near = robots.filter((other) => run.distanceTo(other) < TOGETHER * run.robot.extent);
+      run.robot.stripe.value.set(near.indexOf(run), near.length, STRIPE * window.devicePixelRatio);
+    }
+  }
+
   // Look at another time for as long as the pointer is there; null: back to the clock's.
   preview(time) {
     if (this.live || (time === null && this.held === null)) return;
@@ -104,6 +115,7 @@ class App {
   goTo(time) {
     this.time = Math.min(Math.max(time, 0), this.scene.duration);
     for (const run of this.runs) run.setTime(this.time);
+    this.share();
     this.changed();
   }
 
@@ -148,6 +160,7 @@ class App {
       run.path.visible = run.target.visible = apart || !paths.has(path);
       paths.add(path);
     }
+    this.share();
     this.look();
   }
 

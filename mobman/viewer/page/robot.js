@@ -81,6 +81,16 @@ function materialOf(shape, [red, green, blue, opacity], tint) {
   return material;
 }
 
+// Draw a material in stripes of the screen alone: x is which of y it has, z is their width (px).
+function striped(material, stripe) {
+  material.onBeforeCompile = (shader) => {
+    shader.uniforms.stripe = stripe;
+    const test = "if (stripe.y > 1.5 && floor(mod(floor((gl_FragCoord.x + gl_FragCoord.y) / stripe.z), stripe.y) + 0.5) != stripe.x) discard;";
+    shader.fragmentShader = `uniform vec3 stripe;\n${shader.fragmentShader.replace("void main() {", `void main() {\n${test}`)}`;
+  };
+  return material;
+}
+
 // A material that is drawn over everything else.
 const over = (color, opacity) =>
   new THREE.MeshBasicMaterial({ color, opacity, transparent: true, depthTest: false });
@@ -108,6 +118,7 @@ class Robot {
   constructor(description, geometries, tint) {
     this.description = description;
     this.root = new THREE.Group();
+    this.stripe = { value: new THREE.Vector3(0, 1, 1) }; // all of it
     this.q = Float64Array.from(description.rest);
     this.layers = { visual: [], collision: [], masses: [], frames: [], tip: [] };
     this.named = new Map();
@@ -124,7 +135,7 @@ class Robot {
       const shape = geometries[part.shape];
       const collision = part.role === "collision";
       shape.built ??= geometryOf(shape);
-      const mesh = new THREE.Mesh(shape.built, collision ? COLLISION : materialOf(shape, part.colour, tint));
+      const mesh = new THREE.Mesh(shape.built, collision ? COLLISION : striped(materialOf(shape, part.colour, tint), this.stripe));
       mesh.castShadow = mesh.receiveShadow = !collision;
       mesh.userData = { role: part.role, joint: part.joint, alpha: part.colour[3] };
       if (!collision) mesh.userData.colour = mesh.material.color.clone();

@@ -261,6 +261,16 @@ class Run {
     }
   }
 
+  // How far another run's tip or platform is (m), whichever is farther.
+  distanceTo(other) {
+    const offset = this.group.position.clone().sub(other.group.position);
+    const apart = ["tip", "platform"].map((track) => {
+      const [here, there] = [this, other].map(({ motion, place }) => motion.point(motion[track], place));
+      return here.sub(there).add(offset).length();
+    });
+    return Math.max(...apart);
+  }
+
   // The place of its label: over its platform, or over its tip.
   labelPoint() {
     const point = this.motion.point(this.robot ? this.motion.platform : this.motion.tip, this.place);
