@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal
@@ -18,12 +18,14 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.model.build import assemble
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.platforms.body import BASE_LINK
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.meshes import mesh_paths
 from mobman.robots.urdf.shapes import placement, scalar, vector
 from mobman.robots.urdf.validate import shape_of
 from mobman.simulation.limits import BEYOND
 from mobman.viewer.meshes import Colour, MeshKey, Surface, read_meshes
+from mobman.viewer.wells import hollowed
 
 _GREY: Colour = (0.72, 0.74, 0.77, 1.0)
 _DARK: Colour = (0.30, 0.33, 0.37, 1.0)
@@ -33,6 +35,13 @@ _SPOKES = 3
 _PROUD = 0.01
 """Height of a spoke over the wheel's face, of the radius."""
 _ALIGNED = 1e-3
+_CLEARANCE = 0.15
+"""Room about a wheel in its well, of its radius."""
+_MOMENTS = ("xx", "xy", "xz", "yy", "yz", "zz")
+_THIN_WALL = 0.5
+"""Thickness of a wall beside a well that is left out, of the wheel's radius."""
+_THINNEST = 0.005
+"""Thickness of a plain body whose inertia says less (m)."""
 _ROD = 0.025
 """Radius of a skeleton's rods, of the robot's size."""
 _UNBOUNDED = 1e3
@@ -81,6 +90,8 @@ class Part:
     """In the joint's frame."""
     shape: Primitive | Surface
     colour: Colour
+    link: str = ""
+    """The link that it is of; empty where it is of none."""
 
 
 def robot_scene(
@@ -180,12 +191,15 @@ def robot_points(robot: MobileManipulator, q: Array) -> Array:
 def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
     """Find the shapes that a robot is drawn with, and what could not be drawn as it should be.
 
-    A mesh that is missing or broken costs its shape and a warning. A joint that then carries nothing
-    that can be seen is drawn by its collision geometry; if it has none either, by a skeleton of rods
-    from joint to joint. Wheels whose turning would not show are marked.
+    A mesh that is missing or broken costs its shape and a warning. A link that then has nothing that
+    can be seen, and a joint that carries nothing, is drawn by its collision geometry; if it has none
+    either, a wheel is a cylinder, a link the box of its mass and inertia, and a joint without links a
+    skeleton of rods from joint to joint. Wheels whose turning would not show are marked; a body that
+    the description gives as a box has wells for them.
     """
     problems: dict[str, str] = {}
-    parts = list(_urdf_parts(robot, problems))
+    lost: dict[str, ET.Element] = {}
+    parts = list(_urdf_parts(robot, problems, lost))
     model = robot.model
 
     def bare() -> set[int]:
@@ -194,14 +208,21 @@ def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
         return set(range(1, model.njoints)) - shown - base
 
     unseen = bare()
+    for part in [part for part in parts if part.role == "visual"]:
+        lost.pop(part.link, None)
     parts += [
         replace(part, role="visual", name=f"{part.name}_shown")
         for part in parts
-        if part.joint in unseen and part.role == "collision"
+        if (part.joint in unseen or part.link in lost) and part.role == "collision"
     ]
-    for stand_ins in (_wheels, _skeleton):
-        if unseen := bare():
-            parts += stand_ins(robot, unseen)
+    for part in [part for part in parts if part.role == "visual"]:
+        lost.pop(part.link, None)
+    parts += list(_wheels(robot, bare()))
+    wheels = {model.getJointId(wheel.joint) for wheel in robot.platform.wheels}
+    parts += list(_boxes(robot, lost, wheels))
+    parts += list(_skeleton(robot, bare()))
+    if "body" in robot.spec.platform.parameters:
+        parts = [_with_wells(robot, part, parts) for part in parts]
     parts += list(_marks(robot, parts))
     if not problems:
         return parts, []
@@ -213,9 +234,11 @@ def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
     ]
 
 
-def _urdf_parts(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[Part]:
+def _urdf_parts(
+    robot: MobileManipulator, problems: dict[str, str], lost: dict[str, ET.Element]
+) -> Iterator[Part]:
     """The shapes that a robot's URDFs give its links; why some are missing goes to ``problems``, by the
-    mesh's name."""
+    mesh's name, and the links that had them as visuals to ``lost``."""
     spec, model = robot.spec, robot.model
     prefixes = [*([] if spec.urdf is None else [""]), *(mount.prefix for mount in spec.mount)]
     located = {
@@ -223,7 +246,7 @@ def _urdf_parts(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[
         for prefix, file in zip(prefixes, robot.urdf.files, strict=True)
         for mesh in mesh_paths(file.parse(), file)
     }
-    looks: list[tuple[str, ET.Element, ET.Element, MeshKey | None]] = []
+    looks: list[tuple[ET.Element, ET.Element, ET.Element, MeshKey | None]] = []
     names: dict[MeshKey, str] = {}
     seen: set[MeshKey] = set()
     for link in assemble(spec, robot.urdf).robot.iter("link"):
@@ -237,20 +260,25 @@ def _urdf_parts(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[
                 mesh = located.get((name, filename))
                 if mesh is None or mesh.path is None:
                     problems[repr(filename)] = "is not there" if mesh is None else mesh.problem
+                    if look.tag == "visual":
+                        lost[name] = link
                 else:
                     x, y, z = vector(shape, "scale", (1.0, 1.0, 1.0)).tolist()
                     key = (mesh.path, (x, y, z))
                     names[key] = filename
                     seen |= {key} if look.tag == "visual" else set()
-            looks.append((name, look, shape, key))
+            looks.append((link, look, shape, key))
     surfaces, unread = read_meshes({key: key in seen for key in names})
     problems |= {repr(names[key]): f"({why})" for key, why in unread.items()}
     count = 0
-    for link_name, look, shape, key in looks:
+    for link, look, shape, key in looks:
+        link_name = str(link.get("name"))
         frame = model.frames[model.getFrameId(link_name, pin.FrameType.BODY)]
         place = frame.placement * pin.SE3(*placement(look))
         own = look.find("material/color")
         drawn = _primitive(shape) if key is None else surfaces.get(key, [])
+        if key in unread and look.tag == "visual":
+            lost[link_name] = link
         for one in drawn:
             colour = one.colour if isinstance(one, Surface) else None
             if own is not None:
@@ -258,7 +286,8 @@ def _urdf_parts(robot: MobileManipulator, problems: dict[str, str]) -> Iterator[
                 colour = (r, g, b, a)
             role: Literal["visual", "collision"] = "visual" if look.tag == "visual" else "collision"
             part_name = f"{link_name}_{role}_{count}"
-            yield Part(part_name, frame.parentJoint, role, place, one, colour or _GREY)
+            tint = colour or _GREY
+            yield Part(part_name, frame.parentJoint, role, place, one, tint, link_name)
             count += 1
 
 
@@ -280,6 +309,64 @@ def _wheels(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
             place = _along(_axis(robot.model, index)[0])
             shape = cylinder(wheel.radius, 0.5 * wheel.radius)
             yield Part(f"{wheel.joint}_wheel", index, "visual", place, shape, _DARK)
+
+
+def _boxes(
+    robot: MobileManipulator, links: Mapping[str, ET.Element], wheels: set[int]
+) -> Iterator[Part]:
+    """The homogeneous box that has each link's mass and inertia; none for wheels."""
+    for name, link in links.items():
+        frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
+        inertial = link.find("inertial")
+        if inertial is None or frame.parentJoint in wheels:
+            continue
+        mass, about = scalar(inertial.find("mass"), "value"), inertial.find("inertia")
+        xx, xy, xz, yy, yz, zz = (scalar(about, "i" + at) for at in _MOMENTS)
+        moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if mass <= 0.0:
+            continue
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        squares = 6.0 * (moments.sum() - 2.0 * moments) / mass
+        x, y, z = np.sqrt(np.maximum(squares, _THINNEST**2)).tolist()
+        place = frame.placement * pin.SE3(*placement(inertial)) * pin.SE3(axes, np.zeros(3))
+        shape = Primitive("box", (x, y, z))
+        yield Part(f"{name}_body", frame.parentJoint, "visual", place, shape, _GREY, name)
+
+
+def _with_wells(robot: MobileManipulator, part: Part, parts: list[Part]) -> Part:
+    """The body, if this is it, with wells for the wheels that it would hide; they are open outwards."""
+    if part.link != BASE_LINK or part.role != "visual" or not isinstance(part.shape, Primitive):
+        return part
+    model, data, box = robot.model, robot.model.createData(), part.shape.points[[0, -1]]
+    pin.forwardKinematics(model, data, robot.q_rest)
+    body = data.oMi[part.joint] * part.placement
+    wells = []
+    for wheel in robot.platform.wheels:
+        index = model.getJointId(wheel.joint)
+        place = body.actInv(data.oMi[index])
+        axle = np.abs(place.rotation @ _axis(model, index)[0])
+        points = [
+            (body.actInv(data.oMi[index] * one.placement)).act(point)
+            for one in parts
+            if one.joint == index and one.role == "visual"
+            for point in one.shape.points
+        ]
+        if not points:
+            continue
+        reach = np.abs(np.array(points) - place.translation).max(axis=0)
+        if model.parents[index] != part.joint:  # it is steered
+            reach[:2] = np.linalg.norm(reach[:2])
+        reach += _CLEARANCE * wheel.radius
+        well = np.array([place.translation - reach, place.translation + reach])
+        well[0, 2] = -np.inf
+        out = int(np.argmax(axle[:2]))
+        if side := np.sign(place.translation[out]):
+            well[int(side > 0), out] = side * np.inf
+        for side in (0, 1):  # no thin walls
+            thin = np.abs(well[side, :2] - box[side, :2]) < _THIN_WALL * wheel.radius
+            well[side, :2][thin] = (-np.inf, np.inf)[side]
+        wells.append(well)
+    return replace(part, shape=hollowed(box, wells)) if wells else part
 
 
 def _skeleton(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:

@@ -7,14 +7,16 @@ import re
 import sys
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import mobman as mm
 from mobman.viewer import meshes
 from mobman.viewer.meshes import Surface
-from mobman.viewer.robot import cylinder, robot_parts
+from mobman.viewer.robot import Primitive, cylinder, robot_parts
 from mobman.viewer.scene import robot_of_run
 from mobman.viewer.view import make_scene
+from mobman.viewer.wells import hollowed
 from tests.support.poses import largest_difference
 from tests.support.variants import youbot_urdf, youbot_with_urdf
 
@@ -55,6 +57,82 @@ def test_link_of_a_missing_mesh_shows_its_collision_geometry(tmp_path):
     parts, _ = robot_parts(robot)
     drawn = [part for part in parts if part.joint == joint and part.role == "visual"]
     assert [part.shape for part in drawn] == [cylinder(0.07, 0.2)]
+
+
+def test_link_whose_mesh_is_missing_does_not_leave_others_floating(tmp_path):
+    """The platform's joint carries other shapes, too: the collision geometry of the link alone stands
+    in, and where it has none the box of its mass and inertia."""
+    collision = '<collision><geometry><box size="0.4 0.3 0.1"/></geometry></collision>'
+    sensor = "<visual><geometry><sphere radius='0.02'/></geometry></visual>"
+
+    def shapes(content):
+        def change(text):
+            text = _in_link(_without_looks(text), "platform", MESH.format("base.stl") + content)
+            fixed = (
+                f'<link name="sensor">{sensor}</link><joint name="sensor_joint" type="fixed">'
+                '<parent link="platform"/><child link="sensor"/></joint>'
+            )
+            return text.replace("</robot>", f"{fixed}</robot>")
+
+        robot = _robot(tmp_path, change)
+        parts, (warning,) = robot_parts(robot)
+        assert "base.stl" in warning
+        return robot, [p for p in parts if p.link == "platform" and p.role == "visual"]
+
+    robot, (part,) = shapes(collision)
+    assert part.shape == Primitive("box", (0.4, 0.3, 0.1))
+    _, (part,) = shapes("")
+    # all that the platform's joint carries
+    inertia = robot.model.inertias[part.joint]
+    box = part.placement.act(pin.Inertia.FromBox(inertia.mass, *part.shape.size))
+    assert box.matrix() == pytest.approx(inertia.matrix(), abs=1e-9)
+
+
+def test_hollowed_box_is_closed_and_has_the_volume_that_is_left():
+    """By the divergence theorem, and by points that are inside of the box but in no well."""
+    random = np.random.default_rng(5)
+    box = np.array([[-1.0, -0.5, 0.0], [1.0, 0.5, 0.6]])
+    for _ in range(5):
+        middles = random.uniform(-1.0, 1.0, (4, 3))
+        reach = np.array([(-0.3, -0.2, -np.inf), (0.3, 0.2, 0.2)])
+        wells = [middle + reach for middle in middles]
+        surface = hollowed(box, wells)
+        a, b, c = surface.vertices[surface.faces].transpose(1, 0, 2)
+        volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0
+        assert np.cross(b - a, c - a).sum(axis=0) == pytest.approx(0.0, abs=1e-12)
+        points = random.uniform(*box, (40_000, 3))
+        left = ~np.any([np.all((points > w[0]) & (points < w[1]), axis=1) for w in wells], axis=0)
+        assert volume == pytest.approx(1.2 * left.mean(), rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["ridgeback_panda", "lekiwi_so101", "ranger_xarm7"])
+def test_wheels_under_a_plain_body_can_be_seen(name):
+    """The sight from outside, along the axle, to the wheel's hub meets nothing of the body."""
+    robot = mm.load_robot(name)
+    parts, _ = robot_parts(robot)
+    (body,) = [p for p in parts if p.link == "platform" and p.role == "visual"]
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.q_rest)
+    place = data.oMi[body.joint] * body.placement
+    corners = body.shape.vertices[body.shape.faces]
+    for wheel in robot.platform.wheels:
+        at = place.actInv(data.oMi[robot.model.getJointId(wheel.joint)])
+        axle = np.zeros(3)
+        axle[int(np.argmax(np.abs((at.rotation @ [0.0, 1.0, 0.0])[:2])))] = 1.0
+        assert not _meets(at.translation, np.sign(at.translation) * axle, corners), wheel.joint
+
+
+def _meets(start, direction, corners):
+    """Whether a ray meets a triangle (Moeller and Trumbore)."""
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = np.cross(direction, v)
+    det = np.einsum("ij,ij->i", u, p)
+    safe = np.where(np.abs(det) > 1e-12, det, np.nan)
+    s = start - a
+    x = np.einsum("ij,ij->i", s, p) / safe
+    q = np.cross(s, u)
+    y, t = q @ direction / safe, np.einsum("ij,ij->i", v, q) / safe
+    return bool(np.any((x >= 0.0) & (y >= 0.0) & (x + y <= 1.0) & (t > 0.0)))
 
 
 def test_robot_without_any_shape_is_a_skeleton_with_wheels(tmp_path):
