@@ -98,6 +98,8 @@ def test_switches_show_and_hide(shown):
     assert visible("visual") == [False]
     page.check("#show-visual")
     assert visible("visual") == [True]
+    with pytest.raises(Exception, match="no layer wheels: allowed: trails, efforts, visual"):
+        page.evaluate("mobman.show('wheels', true)")
 
 
 def test_wheels_can_be_seen_to_turn(shown):

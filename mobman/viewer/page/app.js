@@ -132,6 +132,8 @@ class App {
   }
 
   show(layer, visible) {
+    const layers = [...document.querySelectorAll("#panel input[type=checkbox]")].map(({ id }) => id.replace("show-", ""));
+    if (!layers.includes(layer)) throw new Error(`no layer ${layer}: allowed: ${layers.join(", ")}`);
     if (layer === "ground") for (const object of this.stage.ground) object.visible = visible;
     else for (const run of this.runs) run.show(layer, visible);
     byId(`show-${layer}`).checked = visible;
