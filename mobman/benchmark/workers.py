@@ -219,13 +219,13 @@ def _end_with_parent() -> None:
 
 @cache
 def preload() -> None:
-    """Load all that runs need, once a process, by a tick of every law; what is not compiled yet is
-    compiled."""
-    from mobman.controllers.protocol import list_controllers
+    """Load all that runs need, once a process, by a tick of every law of mobman's own; what is not
+    compiled yet is compiled."""
+    from mobman.controllers.protocol import controllers
     from mobman.simulation.simulate import simulate
 
-    for law in list_controllers():
-        with contextlib.suppress(Exception):  # a user's own; or a run that needs it will say so
+    for law in controllers.own():  # another may hang, or end the process: that is its runs' matter
+        with contextlib.suppress(Exception):  # a run that needs it will say so
             simulate("youbot", law, "circle", duration=1e-3).to_bytes()
 
 
