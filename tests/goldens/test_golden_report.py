@@ -78,7 +78,7 @@ def rows_of(results: Path) -> dict[str, dict]:
         for row in csv.DictReader(file):
             key = ", ".join(row.pop(name) for name in CELL)
             kept = {"status": row.pop("status")}
-            for name in ("message", "created", "file"):
+            for name in ("message", "created", "file", "placement"):
                 row.pop(name)
             found[key] = {**kept, "metrics": steady_metrics(row)}
     return found
