@@ -49,8 +49,10 @@ def terms(given: Sequence[Mapping[str, Any]]) -> list[Term]:
     Raises:
         GainError: If one has an unknown type or a wrong field.
     """
+    if not isinstance(given, list | tuple):
+        raise GainError(f"criteria = {given!r}: must be a list of tables, each with a type")
     found = []
-    for number, table in enumerate(given if isinstance(given, list | tuple) else [given]):
+    for number, table in enumerate(given):
         origin = f"criteria[{number}]"
         fields = dict(table) if isinstance(table, Mapping) else {}
         kind = fields.pop("type", None)

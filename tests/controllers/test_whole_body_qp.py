@@ -132,7 +132,8 @@ def test_joint_stops_before_its_limit():
     q0 = robot.q_rest.copy()
     q0[joint] = limit - 0.1
     robot.q_rest[joint] = limit + 0.5  # where the criterion wants it
-    record = mm.simulate(robot, "whole-body-qp", "circle", duration=2.5, q0=q0)
+    law = mm.make_controller("whole-body-qp", k_0=20.0)  # so that it is there by then
+    record = mm.simulate(robot, law, "circle", duration=2.5, q0=q0)
     assert record.ok
     assert record.q[:, joint].max() < limit + 1e-5  # soft
     assert record.q[-1, joint] > limit - 0.02

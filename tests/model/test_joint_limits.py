@@ -84,7 +84,7 @@ def test_a_record_says_it_and_is_repeated(tmp_path):
         ([{"type": "joint-limits", "weight": -1.0}], "weight"),
         ([{"type": "joint-limits", "weight": 1.0, "zone": 0.7}], "zone"),
         ([{"type": "joint-limits", "weight": 1.0, "width": 0.7}], "width"),
-        ("joint-limits", "must be a table"),
+        ("joint-limits", "must be a list of tables"),
     ],
 )
 def test_what_is_wrong_is_told(given, words):
