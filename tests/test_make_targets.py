@@ -174,6 +174,7 @@ def test_pictures_draws_what_it_can_and_says_what_it_cannot(checkout, browser_sc
     assert {path.name for path in (checkout.folder / "docs" / "images").iterdir()} == images
 
 
+@pytest.mark.slow
 def test_speed_makes_every_measurement(checkout):
     checkout.make("speed", "OPTIONS=--quick --robots youbot")
     folder = checkout.folder / "results" / "speed"

@@ -50,7 +50,11 @@ def test_error_obeys_the_equation_of_three_poles():
 # Presumably since a push that is constant in z' changes with the posture in the task's errors.
 @pytest.mark.parametrize(
     ("law", "duration"),
-    [("computed-torque-integral", 14.0), ("time-delay", 6.0), ("disturbance-observer", 6.0)],
+    [
+        pytest.param("computed-torque-integral", 14.0, marks=pytest.mark.slow),
+        ("time-delay", 6.0),
+        ("disturbance-observer", 6.0),
+    ],
 )
 def test_constant_disturbance_is_rejected(law, duration, youbot):
     """At a point the error goes to 0; without integral or observer it stays where the push takes it."""

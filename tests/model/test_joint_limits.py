@@ -53,13 +53,13 @@ def test_at_a_limit_it_is_as_stiff_as_a_weight(tiago):
     assert term.hessian(q)[i, i] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("law", ["pseudo-inverse", "tsm"])
+@pytest.mark.parametrize("law", ["pseudo-inverse", pytest.param("tsm", marks=pytest.mark.slow)])
 def test_joints_stay_nearer_to_their_range(law):
     robot = "locobot" if law == "pseudo-inverse" else "stretch"
     excess = []
     for added in ((), [TERM]):
         record = mm.simulate(
-            robot, mm.make_controller(law, criteria=added), "circle", duration=15.0, dt=2e-3
+            robot, mm.make_controller(law, criteria=added), "circle", duration=15.0, dt=4e-3
         )
         assert record.ok
         assert record.metrics["task_error_final"] < 1e-3

@@ -31,7 +31,7 @@ def test_its_value_is_that_of_pinocchios_jacobian_and_its_derivatives_those_of_i
     assert relative(term.hessian_rate(q, q_dot), rate) < 1e-9
 
 
-@pytest.mark.parametrize("law", ["tsm", "pseudo-inverse"])
+@pytest.mark.parametrize("law", ["tsm", pytest.param("pseudo-inverse", marks=pytest.mark.slow)])
 def test_the_arm_ends_farther_from_singularities(law):
     robot = mm.load_robot("locobot")
     measures = []

@@ -36,7 +36,10 @@ def files(runs, tmp_path_factory):
     return {name: mm.view(what, html=folder / f"{name}.html").url for name, what in shown.items()}
 
 
-@pytest.mark.parametrize("name", ["robot", "tall", "low", "pair"])
+@pytest.mark.parametrize(
+    "name",
+    ["robot", "pair", *(pytest.param(name, marks=pytest.mark.slow) for name in ("tall", "low"))],
+)
 def test_first_view_is_clear_of_what_is_written(files, opened, name):
     with opened(files[name]) as page:
         for width, height in ((1400, 900), (700, 520), (400, 800)):
