@@ -34,12 +34,12 @@ def own_controllers():
 @pytest.mark.parametrize("kind", LISTS)
 def test_every_name_is_listed_with_what_it_is(kind):
     found = json.loads(mobman(kind, "--json").stdout)
-    assert [item["name"] for item in found] == LISTS[kind]()
     own = own_controllers() if kind == "controllers" else LISTS[kind]()
+    assert [item["name"] for item in found if item["name"] in own] == own
     assert len(own) > 3
     assert all(item["description"] for item in found if item["name"] in own)
     text = mobman(kind).stdout
-    assert all(name in text for name in LISTS[kind]())
+    assert all(name in text for name in own)
     assert max(map(len, text.splitlines())) <= 80
 
 

@@ -30,7 +30,9 @@ def test_the_tip_comes_to_its_path(base, reached):
     assert found["error_late"] < reached
 
 
+@pytest.mark.slow
 def test_the_clock_is_kept_or_overruns_are_told():
+    """In real time, for which the machine must have nothing else to do."""
     found = told("--robot", "youbot", "--seconds", "0.3")
     assert found["ticks"] == 300
     assert 0 <= found["overruns"] <= 300
