@@ -36,8 +36,9 @@ from mobman.controllers.bounds import (
     rate_along,
     sampled_states,
 )
+from mobman.controllers.criterion_gains import posture_criterion
 from mobman.errors import SingularityError
-from mobman.model.criterion import Posture
+from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task, task_map_of
@@ -99,12 +100,19 @@ class ComputedBounds(NamedTuple):
     and ``values`` has a tenth of the samples' least, as the laws' ``a = "auto"``."""
 
 
-def computed_bounds(robot: MobileManipulator, task: Task) -> ComputedBounds:
+def computed_bounds(
+    robot: MobileManipulator, task: Task, criterion: Criterion | None = None
+) -> ComputedBounds:
     """w_1 to w_9, a and A over the states that a task may lead through, see the module.
 
     The states are those of :func:`mobman.controllers.bounds.sampled_states`, steered wheels within 0.5
     rad of rest too, each with a random direction of z. From the worst ones a local search
     (L-BFGS-B) goes on over arm, heading, steering and direction of z, inside the same limits.
+
+    Args:
+        robot: The robot.
+        task: The task.
+        criterion: F; by default that of the laws, with the task's weights or the robot's.
 
     Raises:
         SingularityError: If J exists at none of them.
@@ -121,7 +129,8 @@ def computed_bounds(robot: MobileManipulator, task: Task) -> ComputedBounds:
         sign = -1.0 if name == "A" else 1.0
         still = name in ("w_7", "A")
         sampled[name], found[name] = region.extreme(term, sign, samples, still)
-    jacobians = _Derivatives(robot, task)
+    own = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
+    jacobians = _Derivatives(robot, task, own)
     regular = [sample for sample in samples if jacobians.exists(sample.q)]
     if not regular:
         raise SingularityError("J exists at none of the sampled states", "J")
@@ -281,10 +290,10 @@ class _Dynamics:
 
 
 class _Derivatives:
-    """J of (13) under the posture criterion (12), and its derivatives with respect to q."""
+    """J of (13), and its derivatives with respect to q."""
 
-    def __init__(self, robot: MobileManipulator, task: Task) -> None:
-        self.extended = ExtendedJacobian(robot, task_map_of(task), Posture.of(robot))
+    def __init__(self, robot: MobileManipulator, task: Task, criterion: Criterion) -> None:
+        self.extended = ExtendedJacobian(robot, task_map_of(task), criterion)
         self.rest = np.zeros(robot.nz)
 
     def at(self, q: Array) -> Array:

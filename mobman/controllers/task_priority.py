@@ -18,14 +18,12 @@ from mobman.controllers.gains import gain, require_not_negative, require_positiv
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import Stop, TaskSpace
 from mobman.errors import GainError
+from mobman.model.joint_limits import LimitZones
 from mobman.model.metric import base_metric, unit_stiffness
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 
 _POSTURES, _NEAR = 20, 0.5  # how many, within how much of the rest posture (rad, m)
-_UNBOUNDED_ZONE = (
-    1.0  # rad, m: the range that the zone is a share of where a joint has one bound only
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +81,7 @@ class TaskPriority(ResolvedAcceleration):
         root = np.sqrt(base_metric(robot))
         epsilon = float(gains.epsilon) * usual_singular_value(robot, space.task_map, root)
         k_d, k_0 = float(gains.k_d), float(gains.k_0) * unit_stiffness(robot, self.criterion)
-        avoidance = LimitAvoidance(robot, float(gains.zone))
+        zones, back = LimitZones(robot, float(gains.zone)), np.zeros(robot.nz)
 
         def prioritise() -> int:
             # J Omega^1/2 = U S V^T, in the coordinates zeta = Omega^-1/2 z
@@ -92,8 +90,8 @@ class TaskPriority(ResolvedAcceleration):
             except np.linalg.LinAlgError:  # J is not finite
                 return Stop.NO_ACCELERATION
             damped = np.maximum(sigma, epsilon) ** 2
-            secondary = float(gains.k_l) * avoidance.depth(now.q)
-            secondary -= k_0 * root**2 * (now.C.T @ self.criterion.gradient(now.q))
+            back[robot.n_alpha :] = -float(gains.k_l) * zones.depth(now.q)
+            secondary = back - k_0 * root**2 * (now.C.T @ self.criterion.gradient(now.q))
             zeta_0, zeta = secondary / root, now.z / root
             # k_d (I - V V^T) zeta_0 - k_d (I - V S^2/damped V^T) zeta
             along = sigma * (U.T @ wanted) / damped
@@ -117,28 +115,6 @@ def usual_singular_value(robot: MobileManipulator, task_map: TaskMap, root: Arra
         J = task_map.jacobian(robot.tip_kinematics(q, np.zeros(robot.nz))) @ robot.velocity_map(q)
         found.append(np.linalg.svd(J * root, compute_uv=False)[-1])
     return float(np.median(found))
-
-
-class LimitAvoidance:
-    """Depth of each joint of the arm is in the zone before its limit.
-
-    Args:
-        robot: Has the limits.
-        zone: Share of a joint's range at each of its ends; of 1 (rad, m) where it has one end only.
-    """
-
-    def __init__(self, robot: MobileManipulator, zone: float) -> None:
-        limits, self._joints = robot.limits, robot.arm_index
-        lower, upper = limits.lower[self._joints], limits.upper[self._joints]
-        range_ = np.where(np.isfinite(upper - lower), upper - lower, _UNBOUNDED_ZONE)
-        self._least, self._largest = lower + zone * range_, upper - zone * range_
-        self._nothing = np.zeros(robot.n_alpha)
-
-    def depth(self, q: Array) -> Array:
-        """The way back to the zone's edge (rad, m): of each arm's joint, 0 for the platform, (nz,)."""
-        y = q[self._joints]
-        way: Array = np.maximum(self._least - y, 0.0) - np.maximum(y - self._largest, 0.0)
-        return np.concatenate([self._nothing, way])
 
 
 controllers.register(TaskPriority.name, TaskPriority)

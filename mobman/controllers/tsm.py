@@ -444,8 +444,8 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             GainError: If a gain has the wrong length for the robot.
         """
         self._task = task
+        self.criterion = self.gains.criterion(robot, task)
         gains = self._used = self._with_bounds(robot, task)
-        self.criterion = gains.criterion(robot, task)
         space = self._space = self.task_space(robot, task)
         a, A = self._bounds(robot, task)
         K_F = self.criterion.weights.tolist()
@@ -544,7 +544,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             return gains
         others = set() if self.extended else {"w_1", "w_2", "a"}  # those are of the J of (13)
         others |= {"A"} if self.inverse_actuation else set()  # that is of B B^T
-        found: dict[str, Any] = dict(computed_bounds(robot, task).values)
+        found: dict[str, Any] = dict(computed_bounds(robot, task, self.criterion).values)
         return replace(gains, **{n: x for n, x in found.items() if n not in others})
 
     def task_space(self, robot: MobileManipulator, task: Task) -> TaskSpace:

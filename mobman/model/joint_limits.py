@@ -29,30 +29,48 @@ class JointLimitAvoidance(Term):
         Raises:
             UsageError: If no joint of its arm has limits.
         """
-        lower, upper = robot.limits.lower, robot.limits.upper
-        index = [i for i in robot.arm_index if np.isfinite(lower[i]) and np.isfinite(upper[i])]
-        if not index:
+        zones = LimitZones(robot, self.zone)
+        if not zones.bounded:
             raise UsageError(
                 f"criterion 'joint-limits': no joint of {robot.name!r}'s arm has limits"
             )
-        places = np.array(index)
-        return _Zones(places, lower[places], upper[places], self.weight, self.zone)
+        return _Avoidance(zones, self.weight)
 
 
-class _Zones:
-    """See :class:`JointLimitAvoidance`."""
+class LimitZones:
+    """The zones before the limits of an arm's joints.
 
-    def __init__(
-        self, index: Array, lower: Array, upper: Array, weight: float, share: float
-    ) -> None:
-        self._index, self._weight, self._width = index, weight, share * (upper - lower)
-        self._lower, self._upper = lower + self._width, upper - self._width
+    Args:
+        robot: Has the limits.
+        share: Width of each zone over the joint's range; over 1 (rad, m) where it has one end only.
 
-    def _depth(self, q: Array) -> Array:
-        """Depth in the zone, negative in the lower one; shape (joints with limits,)."""
-        own = q[self._index]
+    Attributes:
+        joints: Places of the arm's joints in q.
+        width: Width of their zones (rad, m).
+        bounded: True if one of them has a limit.
+    """
+
+    def __init__(self, robot: MobileManipulator, share: float) -> None:
+        self.joints = robot.arm_index
+        lower, upper = robot.limits.lower[self.joints], robot.limits.upper[self.joints]
+        ways = upper - lower
+        self.width = share * np.where(np.isfinite(ways), ways, 1.0)
+        self.bounded = bool(np.any(np.isfinite(lower) | np.isfinite(upper)))
+        self._lower, self._upper = lower + self.width, upper - self.width
+
+    def depth(self, q: Array) -> Array:
+        """Depth of each joint in its zones (rad, m), negative in the lower one, shape (joints,)."""
+        own = q[self.joints]
         depth: Array = np.minimum(own - self._lower, 0.0) + np.maximum(own - self._upper, 0.0)
         return depth
+
+
+class _Avoidance:
+    """See :class:`JointLimitAvoidance`."""
+
+    def __init__(self, zones: LimitZones, weight: float) -> None:
+        self._depth, self._weight = zones.depth, weight
+        self._index, self._width = zones.joints, zones.width
 
     def value(self, q: Array) -> float:
         """F(q)."""

@@ -158,6 +158,21 @@ def test_an_unknown_robot_is_status_2():
     assert "youbot" in done.stderr
 
 
+def test_they_are_of_the_laws_criterion(monkeypatch):
+    """J has its second rows from F: with the paper's weights, which the task has, and with a gain."""
+    asked, robot = [], mm.load_robot("youbot")
+    found = bounds_of("youbot")
+    monkeypatch.setattr(tsm, "computed_bounds", lambda *given: asked.append(given) or found)
+    for task, gains in (("paper", {}), ("circle", {"K_F": 0.3})):
+        law = mm.make_controller("tsm", bounds="computed", **gains)
+        law.reset(robot, mm.make_task(task, robot), 1e-3)
+        assert asked[-1][2] is law.criterion
+    assert np.all(asked[-1][2].weights == 0.3)
+    lighter = computed_bounds(robot, mm.make_task("circle", robot), asked[-1][2]).values
+    assert lighter["w_1"] != found.values["w_1"]
+    assert lighter["w_7"] == found.values["w_7"]
+
+
 @pytest.mark.parametrize("law", ["tsm", "tsm-null-space", "tsm-inverse-actuation"])
 def test_a_law_takes_them(law, monkeypatch):
     """``tsm`` all of them, the others those of matrices that they have."""

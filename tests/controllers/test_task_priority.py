@@ -7,7 +7,7 @@ import pytest
 
 import mobman as mm
 from mobman.controllers.task_errors import TaskSpace
-from mobman.controllers.task_priority import LimitAvoidance
+from mobman.model.joint_limits import LimitZones
 from mobman.tasks.singular import stretched
 
 DT = 1e-3
@@ -113,24 +113,10 @@ def test_joint_leaves_its_limit_while_the_tip_is_on_its_task():
         law = mm.make_controller("task-priority", k_l=k_l, k_0=0.0)
         record = mm.simulate(robot, law, "circle", duration=1.5, q0=q0)
         assert record.ok
-        avoidance = LimitAvoidance(robot, law.gains.zone)
-        depths[k_l] = [np.linalg.norm(avoidance.depth(q)) for q in record.q[[0, -1]]]
+        zones = LimitZones(robot, law.gains.zone)
+        depths[k_l] = [np.linalg.norm(zones.depth(q)) for q in record.q[[0, -1]]]
         errors[k_l] = np.abs(record.task_error).max(axis=1)
     assert depths[0.0][0] == depths[5.0][0] > 0.4
     assert depths[5.0][1] < 0.05 * depths[5.0][0]
     assert depths[0.0][1] > 0.5 * depths[0.0][0]
     assert np.abs(errors[5.0] - errors[0.0]).max() < 1e-3
-
-
-def test_depth_of_joints_with_one_bound_and_with_none():
-    robot = mm.load_robot("youbot")
-    model = robot.model.copy()
-    first, second, third = robot.arm_index
-    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    lower[robot.arm_index], upper[robot.arm_index] = (-1.0, -1e9, -1e9), (3.0, 2.0, 1e9)
-    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
-    avoidance = LimitAvoidance(robot.with_model(model), 0.1)
-    q = robot.q_rest.copy()
-    q[[first, second, third]] = -0.8, 2.1, 50.0
-    platform = [0.0] * robot.n_alpha
-    assert np.allclose(avoidance.depth(q), [*platform, 0.2, -0.2, 0.0])

@@ -9,6 +9,7 @@ from support.differences import derivative, jacobian, relative
 import mobman as mm
 from mobman.errors import GainError
 from mobman.model.criterion import criteria
+from mobman.model.joint_limits import LimitZones
 from mobman.simulation.rerun import repeat
 
 TERM = {"type": "joint-limits", "weight": 0.5, "zone": 0.3}
@@ -25,7 +26,8 @@ def deep_states(robot, middle=False):
             if middle
             else random.choice([-0.1, 0.02, 0.1, 0.2, 0.5, 0.8, 0.9, 0.98, 1.1], robot.nq)
         )
-        q, limited = robot.q_rest.copy(), np.isfinite(upper) & np.isfinite(lower)
+        q = robot.q_rest.copy()
+        limited = np.isfinite(upper) & np.isfinite(lower)  # those with one end are tried below
         q[limited] = (lower + share * np.where(limited, upper - lower, 0.0))[limited]
         yield q, random.standard_normal(robot.nq)
 
@@ -90,6 +92,20 @@ def test_a_record_says_it_and_is_repeated(tmp_path):
 def test_what_is_wrong_is_told(given, words):
     with pytest.raises(GainError, match=words):
         mm.make_controller("tsm", criteria=given)
+
+
+def test_depth_of_joints_with_one_bound_and_with_none():
+    robot = mm.load_robot("youbot")
+    model = robot.model.copy()
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    lower[robot.arm_index], upper[robot.arm_index] = (-1.0, -1e9, -1e9), (3.0, 2.0, 1e9)
+    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+    robot, q = robot.with_model(model), robot.q_rest.copy()
+    q[robot.arm_index] = -0.8, 2.1, 50.0
+    assert np.allclose(LimitZones(robot, 0.1).depth(q), [-0.2, 0.2, 0.0])
+    term = criteria.get("joint-limits")(weight=0.5, zone=0.1).on(robot)
+    expected = [-(0.2**3) / 0.4**2, 0.2**3 / 0.1**2, 0.0]
+    assert np.allclose(term.gradient(q)[robot.arm_index], 0.5 / 3.0 * np.array(expected))
 
 
 def test_a_term_that_means_nothing_for_the_robot():
