@@ -31,6 +31,7 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.simulation.mjcf import jointed_body
 
 if TYPE_CHECKING:
     import mujoco
@@ -163,7 +164,9 @@ def mujoco_xml(robot: MobileManipulator) -> str:
     bodies = {base_joint: base}
     for i in _jointed(robot):
         joint = robot.model.getJointId(robot.joint_names[i])
-        bodies[joint] = _body(bodies[robot.model.parents[joint]], robot.model, joint)
+        parent = bodies[robot.model.parents[joint]]
+        bodies[joint] = jointed_body(parent, robot.model, joint)
+        _inertial(bodies[joint], robot.model.inertias[joint])
     _stand(robot, base, bodies)
     _actuate(robot, actuators)
     return ET.tostring(root, encoding="unicode")
@@ -173,27 +176,6 @@ def _jointed(robot: MobileManipulator) -> list[int]:
     """Indices in q of what has a joint in MuJoCo too: wheels and arm; parents come first."""
     of_base = set(robot.platform_index[:3])
     return [i for i in range(robot.nq) if i not in of_base]
-
-
-def _body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element:
-    """A body with its inertia and its joint, at the joint's placement."""
-    name, placement = model.names[joint], model.jointPlacements[joint]
-    quaternion = pin.Quaternion(placement.rotation).coeffs()  # x, y, z, w
-    body = ET.SubElement(
-        parent,
-        "body",
-        name=name,
-        pos=_text(placement.translation),
-        quat=_text(np.roll(quaternion, 1)),
-    )
-    data = model.joints[joint].createData()
-    model.joints[joint].calc(data, np.zeros(model.nq))
-    axis = np.asarray(data.S).reshape(6)
-    kind, direction = ("slide", axis[:3]) if np.any(axis[:3]) else ("hinge", axis[3:])
-    armature = repr(float(model.armature[model.joints[joint].idx_v]))
-    ET.SubElement(body, "joint", name=name, type=kind, axis=_text(direction), armature=armature)
-    _inertial(body, model.inertias[joint])
-    return body
 
 
 def _inertial(body: ET.Element, inertia: pin.Inertia) -> None:

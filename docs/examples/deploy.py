@@ -62,7 +62,7 @@ class Link:
 def stand_in(port: int, name: str, base: str, lockstep: bool) -> None:
     """The robot: takes commands, moves, and tells q and z every millisecond, until the link closes."""
     robot = mm.load_robot(name)
-    n_base = robot.nz - robot.n
+    n_base = robot.n_alpha
     link = Link(socket.create_connection(("127.0.0.1", port)), robot.nz)
     q, z, command = robot.q_rest.copy(), np.zeros(robot.nz), np.zeros(robot.nz)
     command[n_base:] = _holding(robot, q)[n_base:]
@@ -99,7 +99,7 @@ def _holding(robot: mm.MobileManipulator, q: np.ndarray) -> np.ndarray:
 def control(link: Link, name: str, base: str, seconds: float, lockstep: bool) -> dict[str, float]:
     """Run ``tsm`` on the link; the errors, and how the clock was kept."""
     robot = mm.load_robot(name)
-    n_base = robot.nz - robot.n
+    n_base = robot.n_alpha
     task = mm.make_task("circle", robot)
     law = mm.make_controller("tsm")  # bears torques that act a tick late
     for _ in range(2):  # the first step loads the law's machine code

@@ -12,15 +12,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 from pydantic import Field
-from scipy.linalg import null_space
-from scipy.spatial import ConvexHull
 
 from mobman.arrays import Array
 from mobman.compiled import bind, sequence
 from mobman.errors import SpecError, UsageError
 from mobman.linalg import apply_transpose
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.mjcf import BASE, TIP, Bump, Ground, feet_of, mjcf, principal, set_tyres
+from mobman.simulation.mjcf import BASE, TIP, Bump, Ground, feet_of, make_model, mjcf, set_tyres
 from mobman.simulation.pieces import Piece, Setting
 from mobman.simulation.plant import MakePlant, Plant, plants
 from mobman.toml_model import Strict
@@ -29,7 +27,6 @@ _LESSER = 1e-4  # weight of the rates that tell of z only what the others leave 
 _RUNAWAY = 1e5  # rad/s, m/s, and a thousandth of the accelerations: beyond it nothing is integrated
 _SETTLED, _MOST_SETTLING = 1e-9, 20_000  # m/s, rad/s; steps
 _HELD = 1e9  # kg m^2, kg: added to the joints while the tyres take the load
-_DIRECTIONS = 24  # of half a turn, in which traction is looked at
 _SERVO = 200.0  # rad/s, of the drives that keep modules at their angles
 
 
@@ -37,7 +34,7 @@ class Patch(Strict):
     """A round patch of other friction."""
 
     ahead: float = 0.0
-    """Of where the platform starts, along its heading (m)."""
+    """Distance from where the platform starts, along its heading (m)."""
     left: float = 0.0
     """The same to the left (m)."""
     radius: float = Field(gt=0)
@@ -49,9 +46,9 @@ class Ridge(Strict):
     """A ridge across the way."""
 
     ahead: float
-    """Of where the platform starts, along its heading (m)."""
+    """Distance from where the platform starts, along its heading (m)."""
     angle: float = 0.0
-    """Between the heading there and the direction in which the ridge is crossed (rad)."""
+    """Angle between the heading there and the direction in which the ridge is crossed (rad)."""
     height: float = Field(gt=0)
     """m."""
     width: float = Field(0.1, gt=0)
@@ -78,7 +75,7 @@ class MuJoCo(Piece):
     creep: float = Field(1e-4, gt=0)
     """Slip per friction over the static load (m/s)."""
     slope: float = Field(0.0, gt=-1.2, lt=1.2)
-    """Of the ground (rad); the task is in the ground's axes, and the controller knows nothing of it."""
+    """Slope of the ground (rad); the task is in its axes, and the controller knows nothing of it."""
     uphill: float = 0.0
     """Direction in which it rises, from the world's x axis (rad)."""
     patches: list[Patch] = Field([], max_length=100)
@@ -125,41 +122,6 @@ class Recorded(NamedTuple):
     """Height (m), roll and pitch (rad) of the platform's frame."""
     tip: Array
     """Position of the tip, with what the platform tilts and sinks (m)."""
-
-
-class Traction(NamedTuple):
-    """Largest accelerations that the ground gives a platform at rest, in its worst direction (m/s^2)."""
-
-    grip: float
-    """By friction of the driven wheels under their static load."""
-    tipping: float
-    """Beyond which what it stands on behind it carries nothing."""
-
-    def a_max(self, share: float = 0.5) -> float:
-        """The gain ``a_max`` of a sliding law that claims a share of it (m/s^2).
-
-        Half by default: a cap is on a norm, which may be exceeded by m^(2/9), and the arm's motion and
-        turning take their part.
-        """
-        return share * min(self.grip, self.tipping)
-
-
-def traction(robot: MobileManipulator, ground: MuJoCo | None = None) -> Traction:
-    """What the ground gives a robot at ``q_rest``, so that a start far away stays within it.
-
-    Args:
-        robot: The robot.
-        ground: Friction and tyres; those of :class:`MuJoCo` by default.
-
-    Raises:
-        SpecError: If the robot does not drive, or falls over.
-        UsageError: If MuJoCo is not installed.
-    """
-    given = MuJoCo() if ground is None else ground
-    plant = given.start(Setting(robot, given.step, np.random.default_rng(0)))(robot)
-    assert isinstance(plant, ContactPlant)
-    plant.own_state(robot.q_rest, given.step)
-    return plant.traction()
 
 
 class ContactPlant(Plant):
@@ -285,6 +247,10 @@ class ContactPlant(Plant):
         places = robot.joint_names.index
         self._virtual = [places(name) for name in platform.virtual_joints]
         self._following = [places(name) for name in platform.following]
+        at = dict(zip(own, self._dof.tolist(), strict=True))
+        self._modules = [
+            (i, at[i], 1.0 / self._model.dof_invweight0[at[i]]) for i in self._following
+        ]
         told_not = {*self._pose, *self._virtual}
         others = [i for i in robot.platform_index if i not in told_not]
         by_pose = self._given.velocity == "pose" or not others
@@ -395,12 +361,10 @@ class ContactPlant(Plant):
     def _hold_modules(self, force: Array) -> None:
         """Torques of the drives that keep the modules at the angles which the others ask for: the
         constraint of the model that no ground enforces."""
-        robot, now, data, model = self.robot, self.now, self._data, self._model
-        wanted = robot.consistent(now.q)
+        now, data = self.now, self._data
+        wanted = self.robot.consistent(now.q)
         rates = now.C @ now.z
-        for i in self._following:
-            dof = self._dof[np.flatnonzero(self._own == i)[0]]
-            inertia = 1.0 / model.dof_invweight0[dof]
+        for i, dof, inertia in self._modules:
             away, faster = wanted[i] - now.q[i], rates[i] - data.qvel[dof]
             force[i] += inertia * _SERVO * (_SERVO * away + 2.0 * faster)
 
@@ -454,40 +418,39 @@ class ContactPlant(Plant):
         ahead = np.array([axis[1], -axis[0], 0.0])  # axis x z
         return np.array([c * ahead[0] - s * ahead[1], s * ahead[0] + c * ahead[1], 0.0])
 
-    def traction(self) -> Traction:
-        """What the ground gives in any direction in which the platform can drive straight on.
+    def grip(self, ways: Array) -> Array:
+        """The friction that the driven wheels give under their present load (N).
+
+        Args:
+            ways: Horizontal unit vectors of the directions that are asked for, shape (N, 2).
+
+        Returns:
+            Shape (N,).
 
         Raises:
-            SpecError: If it has no driven wheels.
+            SpecError: If the platform has no driven wheels.
         """
         self.look()
-        robot, data, platform = self.robot, self._data, self.robot.platform
+        platform = self.robot.platform
         driven = {platform.coordinates[i] for i in np.flatnonzero(self.now.platform_B.any(axis=1))}
         driven |= {gear.joint for gear in platform.geared if gear.of in driven}
         wheels = [i for i, foot in enumerate(self._wheels) if foot.name in driven]
         if not wheels:
-            raise SpecError(f"robot {robot.name!r} has no driven wheels, by which it had traction")
-        mass = pin.computeTotalMass(robot.model)
-        g = float(np.linalg.norm(robot.model.gravity.linear))
-        straight = self.now.N[:2] @ null_space(self.now.N[2:3])
-        basis, size, _ = np.linalg.svd(straight)
-        angles = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
-        turned = np.array([np.cos(angles), np.sin(angles)])
-        ways = (basis @ turned).T if np.sum(size > 1e-6 * size[0]) > 1 else basis[:, :1].T
+            name = self.robot.name
+            raise SpecError(f"robot {name!r} has no driven wheels, by which it had traction")
         force = np.zeros(len(ways))
         for i in wheels:
             along = np.ones(len(ways))
             if self._wheels[i].directed:
                 along = np.abs(ways @ self._direction(i)[:2])
             force += self._given.friction * self.recorded.normal[i] * along
-        feet = np.array([data.geom_xpos[self._model.geom(foot.name).id] for foot in self._feet])
-        centre = data.subtree_com[0]
-        edges = ConvexHull(feet[:, :2]).equations
-        leaning = np.abs(ways @ edges[:, :2].T).max(axis=0)
-        room = -(edges[:, :2] @ centre[:2] + edges[:, 2])
-        with np.errstate(divide="ignore"):
-            tipping = g * room / (centre[2] * leaning)
-        return Traction(float(force.min()) / mass, float(tipping.min()))
+        return force
+
+    def stance(self) -> tuple[Array, Array]:
+        """Centres of all feet, shape (feet, 3), and the robot's centre of mass, shape (3,) (m)."""
+        data = self._data
+        feet = [data.geom_xpos[self._model.geom(foot.name).id] for foot in self._feet]
+        return np.array(feet), data.subtree_com[0].copy()
 
     # Measurement ---------------------------------------------------------------------------------
 
@@ -568,29 +531,6 @@ class ContactPlant(Plant):
         recorded.base[1] = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
         recorded.base[2] = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
         recorded.tip[:] = data.site_xpos[self._tip]
-
-
-def make_model(robot: MobileManipulator, xml: str) -> tuple[Any, Any]:
-    """MuJoCo's model and state of what :func:`mobman.simulation.mjcf.mjcf` wrote, with the robot's
-    masses and inertias.
-
-    They are set after compiling, so that they are the robot's to the last digit or two: the compiler
-    balances what violates the triangle inequality, and refuses bodies without mass.
-    """
-    mj = importlib.import_module("mujoco")
-    model = mj.MjModel.from_xml_string(xml)
-    base = robot.platform.base_joints
-    for i in range(1, robot.model.njoints):
-        name, inertia = robot.model.names[i], robot.model.inertias[i]
-        if name in robot.platform.virtual_joints or name in base[:-1]:
-            continue
-        body = model.body(BASE if name in base else name).id
-        moments, axes = principal(inertia)
-        model.body_mass[body], model.body_inertia[body] = inertia.mass, moments
-        model.body_ipos[body], model.body_iquat[body] = inertia.lever, axes
-    data = mj.MjData(model)
-    mj.mj_setConst(model, data)
-    return model, data
 
 
 plants.register("mujoco", MuJoCo)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
@@ -37,8 +38,8 @@ class Foot(NamedTuple):
     friction: bool
     """False for a support, which slides freely."""
     axis: Array
-    """Of the wheel in the joint's frame; or, where the foot does not turn, the direction in which it has
-    friction; shape (3,)."""
+    """Axis of the wheel in the joint's frame; or, where the foot does not turn, the direction in which
+    it has friction; shape (3,)."""
     roller: float | None = None
     """Angle of the direction in which it has friction, from that in which it rolls (rad), anticlockwise
     seen from above; None if it has friction in all directions."""
@@ -55,7 +56,7 @@ class Bump(NamedTuple):
     centre: Array
     """A point of its axis, on the ground (m), shape (2,)."""
     direction: float
-    """In which it is crossed (rad)."""
+    """Direction in which it is crossed (rad)."""
     height: float
     """m."""
     width: float
@@ -69,9 +70,9 @@ class Ground(NamedTuple):
     gravity: Array
     """m/s^2, shape (3,)."""
     deflection: float
-    """How far a tyre is compressed by its static load (m)."""
+    """Compression of a tyre by its static load (m)."""
     damping: float
-    """Of the tyres, over the critical one."""
+    """Damping of the tyres, over the critical one."""
     impedance: float
     """MuJoCo's d of the contacts."""
     creep: float
@@ -130,7 +131,7 @@ def feet_of(robot: MobileManipulator, scrub: bool = False) -> list[Foot]:
 def _beside(
     robot: MobileManipulator, wheel: str, constraints: Array, frame: pin.SE3, axis: Array
 ) -> float:
-    """How far along its axis a wheel's constraint puts the point that rolls (m)."""
+    """Distance along its axis at which a wheel's constraint puts the point that rolls (m)."""
     row = constraints[np.flatnonzero(constraints[:, robot.joint_names.index(wheel)])[0]]
     x, y, turning = row[robot.platform_index[:3]]
     place, along = frame.translation, frame.rotation @ axis
@@ -181,7 +182,7 @@ def _motion(model: pin.Model, joint: int) -> Array:
 
 
 def mjcf(robot: MobileManipulator, feet: Sequence[Foot], ground: Ground, step: float) -> str:
-    """The robot and the ground as MJCF; inertias are set by :func:`set_inertias`.
+    """The robot and the ground as MJCF; inertias are set by :func:`make_model`.
 
     The base's body has the platform's frame, whose origin is on the ground. Joints and bodies have the
     names of the robot's joints; those that the description adds without a body have none.
@@ -222,7 +223,8 @@ def mjcf(robot: MobileManipulator, feet: Sequence[Foot], ground: Ground, step: f
     for i in range(1, model.njoints):
         name = model.names[i]
         if name not in base and name not in virtual:
-            bodies[name] = _body(bodies[model.names[model.parents[i]]], model, i)
+            bodies[name] = body = jointed_body(bodies[model.names[model.parents[i]]], model, i)
+            _mass(body)
     tip = model.frames[robot.tip_frame]
     ET.SubElement(
         bodies[model.names[tip.parentJoint]], "site", name=TIP, pos=_text(tip.placement.translation)
@@ -304,14 +306,36 @@ def set_tyres(model: Any, mass: float, feet: Sequence[Foot], ground: Ground) -> 
         model.pair_solreffriction[pairs] = -1.0, -creep
 
 
+def make_model(robot: MobileManipulator, xml: str) -> tuple[Any, Any]:
+    """MuJoCo's model and state of what :func:`mjcf` wrote, with the robot's masses and inertias.
+
+    They are set after compiling, so that they are the robot's to the last digit or two: the compiler
+    balances what violates the triangle inequality, and refuses bodies without mass.
+    """
+    mj = importlib.import_module("mujoco")
+    model = mj.MjModel.from_xml_string(xml)
+    base = robot.platform.base_joints
+    for i in range(1, robot.model.njoints):
+        name, inertia = robot.model.names[i], robot.model.inertias[i]
+        if name in robot.platform.virtual_joints or name in base[:-1]:
+            continue
+        body = model.body(BASE if name in base else name).id
+        moments, axes = _principal(inertia)
+        model.body_mass[body], model.body_inertia[body] = inertia.mass, moments
+        model.body_ipos[body], model.body_iquat[body] = inertia.lever, axes
+    data = mj.MjData(model)
+    mj.mj_setConst(model, data)
+    return model, data
+
+
 def _coupling(equality: ET.Element, joint: str, of: str, ratio: float, offset: float) -> None:
     polynomial = _text([offset, ratio, 0.0, 0.0, 0.0])
     between = {"joint1": joint, "joint2": of, "polycoef": polynomial}
     ET.SubElement(equality, "joint", {**between, **_RIGID})
 
 
-def _body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element:
-    """A body with its joint, at the joint's placement."""
+def jointed_body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element:
+    """A body with its joint, at the joint's placement, without a mass yet."""
     name, placement = model.names[joint], model.jointPlacements[joint]
     quaternion = pin.Quaternion(placement.rotation).coeffs()  # x, y, z, w
     body = ET.SubElement(
@@ -325,16 +349,15 @@ def _body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element:
     kind, direction = ("slide", motion[:3]) if np.any(motion[:3]) else ("hinge", motion[3:])
     armature = repr(float(model.armature[model.joints[joint].idx_v]))
     ET.SubElement(body, "joint", name=name, type=kind, axis=_text(direction), armature=armature)
-    _mass(body)
     return body
 
 
 def _mass(body: ET.Element) -> None:
-    """A mass that the compiler accepts; :func:`set_inertias` puts the true one in its place."""
+    """A mass that the compiler accepts; :func:`make_model` puts the true one in its place."""
     ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
 
 
-def principal(inertia: pin.Inertia) -> tuple[Array, Array]:
+def _principal(inertia: pin.Inertia) -> tuple[Array, Array]:
     """Principal moments (kg m^2), shape (3,), and the axes as a unit quaternion (w, x, y, z)."""
     moments, axes = np.linalg.eigh(inertia.inertia)
     if np.linalg.det(axes) < 0.0:

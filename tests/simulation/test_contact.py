@@ -12,9 +12,10 @@ from support.runs import Torque
 import mobman as mm
 from mobman.errors import SpecError, UsageError
 from mobman.simulation import rerun
-from mobman.simulation.contact import ContactPlant, MuJoCo, traction
+from mobman.simulation.contact import ContactPlant, MuJoCo
 from mobman.simulation.integrator import RungeKutta
 from mobman.simulation.plant import Plant
+from mobman.simulation.traction import traction
 
 mujoco = pytest.importorskip("mujoco")
 
