@@ -12,11 +12,12 @@ import mobman as mm
 RECORDED = ("t", "q", "z", "torque", "task_error")
 
 
+@pytest.mark.parametrize("duration", [0.2, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("controller", mm.list_controllers())
-def test_short_run(robot, controller):
+def test_short_run(robot, controller, duration):
     """A run that ends early (tsm-simplified may, see the docs) says when and why, and is finite too."""
-    record = mm.simulate(robot, controller, "circle", duration=0.2)
-    again = mm.simulate(robot, controller, "circle", duration=0.05)
+    record = mm.simulate(robot, controller, "circle", duration=duration)
+    again = mm.simulate(robot, controller, "circle", duration=0.25 * duration)
     for name in RECORDED:
         values = getattr(record, name)
         assert np.all(np.isfinite(values)), name
@@ -35,10 +36,11 @@ def test_short_run(robot, controller):
         assert relative(steps[1:], mean[1:]) < 1e-3
 
 
-def test_paper_law_settles(robot):
+@pytest.mark.parametrize("dt", [2e-3, pytest.param(1e-3, marks=pytest.mark.slow)])
+def test_paper_law_settles(robot, dt):
     """On every robot whose arm has three joints or more, to 1e-4 within 5 s of a circle in reach."""
     assert robot.n >= 3
-    record = mm.simulate(robot, "tsm", "circle", duration=5.0, dt=2e-3)
+    record = mm.simulate(robot, "tsm", "circle", duration=5.0, dt=dt)
     assert record.status == "ok", record.message
     assert record.metrics["settling_time_1e-4"] < 5.0
     late = np.linalg.norm(record.task_error[record.t > 4.0], axis=1)

@@ -66,6 +66,7 @@ def check(name: str, meaning: str, *, simulates: bool = False) -> Callable[[Func
     def register(function: Function) -> Function:
         item = Check(name, meaning, function, simulates)
         checks.register(name, item, module=function.__module__)
+        function.__doc__ = function.__doc__ or f"Check {name!r}: {meaning}."
         return function
 
     return register

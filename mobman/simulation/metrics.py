@@ -143,6 +143,7 @@ def metric(
 
         item = Metric(name, unit, description, better, whole, section, short, applies)
         metrics.register(name, item, module=function.__module__)
+        function.__doc__ = function.__doc__ or f"{name} ({unit}): {description}."
         return function
 
     return register

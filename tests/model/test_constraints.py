@@ -17,7 +17,7 @@ def test_velocity_map_lies_in_the_kernel_of_the_constraints(robot):
 
 
 def test_constraints_and_velocity_map_have_full_rank(robot):
-    for q, _ in random_states(robot, 8):
+    for q, _ in random_states(robot, 20):
         assert np.linalg.matrix_rank(robot.constraint_matrix(q)) == robot.k
         assert np.linalg.matrix_rank(robot.velocity_map(q)) == robot.nz
 
@@ -40,7 +40,7 @@ def test_rate_of_the_velocity_map(robot):
 
 
 def test_velocity_gathers_the_map_the_motion_and_the_drift(robot):
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 50):
         c, q_dot, c_dot_z = robot.velocity(q, z)
         assert np.array_equal(c, robot.velocity_map(q))
         assert relative(q_dot, c @ z) < 1e-14
@@ -56,7 +56,7 @@ def test_rate_of_the_constraints(robot):
 
 def test_hessian_of_the_constraints(robot):
     random = np.random.default_rng(3)
-    for q, _ in random_states(robot, 8):
+    for q, _ in random_states(robot, 20):
         multiplier = random.standard_normal(robot.k)
         expected = jacobian(lambda p, lam=multiplier: robot.constraint_matrix(p).T @ lam, q)
         assert relative(robot.constraint_hessian(q, multiplier), expected) < 1e-6
@@ -78,7 +78,7 @@ def test_driven_wheels_roll_without_slip(differential_robot):
     robot = differential_robot
     model, data = robot.model, robot.model.createData()
     radius = robot.platform.radius
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 50):
         q_dot = robot.velocity_map(q) @ z
         pin.forwardKinematics(model, data, q, q_dot)
         for wheel in robot.platform.coordinates[3:]:

@@ -40,7 +40,7 @@ def test_kinetic_energy_grows_by_the_power_of_the_reduced_dynamics(robot):
 
 def test_gravity_and_velocity_terms_do_the_work_of_the_energy(robot):
     """dE/dt = z^T B v with E = T + U: without torque, E does not change along the motion."""
-    for q, z in random_states(robot, 8, seed=6):
+    for q, z in random_states(robot, 50, seed=6):
         m, bias, _ = robot.dynamics(q, z)
         z_dot = -np.linalg.solve(m, bias)
         q_dot = robot.velocity_map(q) @ z

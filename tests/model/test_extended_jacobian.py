@@ -47,10 +47,14 @@ def _f(robot, task_map, criterion, q, reference):
     return np.concatenate((tip, complement @ criterion.gradient(q)))
 
 
+SOME = pytest.mark.parametrize("number", [4, pytest.param(25, marks=pytest.mark.slow)])
+
+
+@SOME
 @pytest.mark.parametrize("kind", ["posture", "bowl"])
-def test_extended_jacobian_is_the_derivative_of_f(robot, task_map, kind):
+def test_extended_jacobian_is_the_derivative_of_f(robot, task_map, kind, number):
     criterion = _criterion(robot, kind)
-    for q, z in random_states(robot, 3, seed=21):
+    for q, z in random_states(robot, number, seed=21):
         found = extended_kinematics(robot, task_map, criterion, q, z)
         c = robot.velocity_map(q)
         columns = [
@@ -72,11 +76,12 @@ def test_extended_jacobian_is_the_derivative_of_f(robot, task_map, kind):
         )
 
 
+@SOME
 @pytest.mark.parametrize("kind", ["posture", "bowl"])
-def test_rate_of_the_extended_jacobian(robot, task_map, kind):
+def test_rate_of_the_extended_jacobian(robot, task_map, kind, number):
     """J' z at constant z, J being carried along the motion from its axes at s = 0."""
     criterion = _criterion(robot, kind)
-    for q, z in random_states(robot, 4, seed=22):
+    for q, z in random_states(robot, number, seed=22):
         found = extended_kinematics(robot, task_map, criterion, q, z)
         q_dot = robot.velocity_map(q) @ z
 
@@ -90,7 +95,7 @@ def test_rate_of_the_extended_jacobian(robot, task_map, kind):
 
 
 def test_complement_spans_the_kernel_of_j(robot, task_map):
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 20):
         n = extended_kinematics(robot, task_map, Posture.of(robot), q, z).complement
         assert np.abs(n @ n.T - np.eye(robot.nz - task_map.m)).max() < 1e-12
         assert np.abs(stacked_jacobian(robot, task_map.rows, q) @ n.T).max() < 1e-12
@@ -101,7 +106,7 @@ def test_complement_is_carried_to_the_nearest_one(robot, distance):
     """From a tick before (where an iteration finds it) and from farther away (where an SVD does)."""
     task_map, criterion = TaskMap(), Posture.of(robot)
     random = np.random.default_rng(23)
-    for q, z in random_states(robot, 5):
+    for q, z in random_states(robot, 10):
         step = random.standard_normal(robot.nq)
         start = kernel(stacked_jacobian(robot, task_map.rows, q))
         there = q + distance * step / np.linalg.norm(step)
@@ -114,7 +119,7 @@ def test_what_matters_does_not_depend_on_the_axes(robot):
     """|f_a|, |J' z| of its rows and the singular values of J are the same in any axes."""
     task_map, criterion = TaskMap(), Posture.of(robot)
     random = np.random.default_rng(24)
-    for q, z in random_states(robot, 5):
+    for q, z in random_states(robot, 10):
         one = extended_kinematics(robot, task_map, criterion, q, z)
         turn = np.linalg.qr(random.standard_normal((robot.nz - 3, robot.nz - 3)))[0]
         other = extended_kinematics(robot, task_map, criterion, q, z, turn @ one.complement)
@@ -126,7 +131,7 @@ def test_what_matters_does_not_depend_on_the_axes(robot):
 
 def test_auxiliary_coordinates_alone(robot):
     criterion = Posture.of(robot)
-    for q, z in random_states(robot, 5):
+    for q, z in random_states(robot, 10):
         whole = extended_kinematics(robot, TaskMap(), criterion, q, z)
         f_a, complement = auxiliary_coordinates(robot, TaskMap(), criterion, q, whole.complement)
         assert np.allclose(f_a, whole.f_a, atol=1e-12)

@@ -126,7 +126,7 @@ def test_rolling_wheels_touch_the_ground_without_slipping(robots):
     """The lowest point of each wheel that has no rollers does not move along the wheel."""
     for name in ("differential", "car-like", "turret"):
         robot = robots[name]
-        for q, z in random_states(robot, 8):
+        for q, z in random_states(robot, 20):
             if name == "car-like":  # the knuckles turn alike
                 first, second = (
                     robot.joint_names.index(f"steering_{s}") for s in ("right", "left")
@@ -162,7 +162,7 @@ def contacts(robot, q, z):
 def test_a_turret_on_its_carriage_moves_in_every_direction(robots):
     """The body's velocity is any: det of its rows of N is R^2 a / (2 W), up to its sign."""
     robot = robots["turret"]
-    for q, _ in random_states(robot, 8):
+    for q, _ in random_states(robot, 20):
         n = robot.platform.velocity_map(q[robot.platform_index])[:3]
         assert np.isclose(abs(np.linalg.det(n)), R**2 * 0.11 / (2.0 * W))
 
@@ -174,7 +174,7 @@ def test_a_turret_over_the_axle_is_refused():
 
 def test_swerve_wheels_touch_the_ground_without_slipping_at_all(robots):
     robot = robots["swerve"]
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 50):
         q = robot.consistent(q)
         speeds = np.abs(robot.velocity_map(q) @ z).max()
         assert np.abs(contacts(robot, q, z)).max() < 1e-12 * max(1.0, speeds)

@@ -28,7 +28,7 @@ def test_inertia_is_symmetric_positive_definite(robot):
 
 def test_inertia_is_that_of_the_inverse_dynamics(robot):
     """Both triangles: Pinocchio's composite-body algorithm used to fill one only."""
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 20):
         inertia, _ = _full(robot, q, np.zeros(robot.nq))
         c = robot.velocity_map(q)
         assert relative(robot.dynamics(q, z).M, c.T @ inertia @ c) < 1e-11
@@ -45,7 +45,7 @@ def test_kinetic_energy_is_half_z_M_z(robot):
 
 def test_actuation_is_that_of_the_motors(robot):
     """B = C^T B' of (17); every joint of the arm has a motor of its own."""
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 20):
         driven = robot.actuation(q)
         assert relative(robot.dynamics(q, z).B, robot.velocity_map(q).T @ driven) < 1e-12
         arm = np.zeros((robot.nq, robot.n))
@@ -56,7 +56,7 @@ def test_actuation_is_that_of_the_motors(robot):
 def test_power_of_the_motors_is_what_the_robot_takes_up(robot):
     """d/dt of the energy under a torque is q'^T B' v: gravity and Coriolis forces do no more."""
     random = np.random.default_rng(8)
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 20):
         torque = random.standard_normal(robot.nz)
         dynamics = robot.dynamics(q, z)
         z_dot = np.linalg.solve(dynamics.M, dynamics.B @ torque - dynamics.bias)

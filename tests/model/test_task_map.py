@@ -72,7 +72,7 @@ def test_hessian(robot, task_map):
 
 def test_rate_of_the_hessian(robot, task_map):
     random = np.random.default_rng(11)
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 20):
         multiplier = random.standard_normal(task_map.m)
         q_dot = robot.velocity_map(q) @ z
         expected = derivative(

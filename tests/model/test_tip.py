@@ -56,7 +56,7 @@ def test_rate_of_the_jacobian_along_the_motion(robot):
 
 
 def test_one_pass_gives_what_the_single_calls_give(robot):
-    for q, z in random_states(robot, 8):
+    for q, z in random_states(robot, 20):
         tip = robot.tip_kinematics(q, z)
         assert np.allclose(tip.position, robot.tip_pose(q).translation, atol=1e-14)
         assert np.allclose(tip.jacobian, robot.tip_jacobian(q), atol=1e-14)

@@ -82,6 +82,7 @@ class Drive:
 
     @property
     def driven(self) -> list[Rolling]:
+        """All wheels that motors turn."""
         return [*self.right, *self.left, *self.wheels]
 
     @property

@@ -58,10 +58,12 @@ class Joint:
 
     @property
     def movable(self) -> bool:
+        """True unless the joint is fixed."""
         return self.kind != "fixed"
 
     @property
     def prismatic(self) -> bool:
+        """True if the joint slides."""
         return self.kind == "prismatic"
 
     @property
@@ -76,10 +78,12 @@ class Joint:
 
     @property
     def vertical(self) -> bool:
+        """True if the axis points up or down, nearly."""
         return abs(float(self.axis[2])) > math.cos(_VERTICAL)
 
     @property
     def horizontal(self) -> bool:
+        """True if the axis is level, nearly."""
         return abs(float(self.axis[2])) < math.sin(_HORIZONTAL)
 
     @property
@@ -146,6 +150,7 @@ class Tree:
         )
 
     def joint(self, name: str) -> Joint | None:
+        """The movable joint of a name; None if there is none."""
         return next((joint for joint in self.movable if joint.name == name), None)
 
     def chain(self, link: str) -> list[Joint]:

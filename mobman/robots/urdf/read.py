@@ -75,6 +75,7 @@ class UrdfFile:
         return read_input(self.path, "URDF", MEGABYTES, "geometry belongs in meshes")
 
     def sha256(self) -> str:
+        """Hash of the content."""
         return hashlib.sha256(self.content).hexdigest()
 
     def parse(self) -> ET.Element:

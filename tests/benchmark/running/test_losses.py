@@ -16,6 +16,7 @@ from support.suites import bits, run_suite, suite_of
 import mobman as mm
 from mobman.benchmark.runner import Again, Ended
 from mobman.benchmark.store import Store
+from mobman.benchmark.workers import preload
 from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError
 from mobman.simulation.record import load_record
@@ -192,6 +193,21 @@ def test_threads_heed_the_time_limit(tmp_path):
     with ThreadPoolExecutor(1) as pool:
         reasons, _ = run(suite, tmp_path / "r", executor=pool, time_limit=0.5)
     assert reasons == {"slow": "took longer than its time limit of 0.5 s; tried 2 times"}
+
+
+def test_only_mobmans_own_laws_are_loaded_ahead(monkeypatch):
+    """A user's may hang or end the process, which must cost its own runs only."""
+    asked = []
+
+    class Asks(hostile_laws._Law):
+        def act(self):
+            asked.append(self)
+
+    monkeypatch.setitem(controllers._items, "asks", Asks)
+    preload.__wrapped__()
+    assert not asked
+    mm.simulate("youbot", "asks", "circle", duration=1e-3)
+    assert asked
 
 
 def test_a_reply_for_another_run_is_not_kept(tmp_path):
