@@ -221,11 +221,11 @@ def _do(
     """Do runs, and put their results into the folder and what came of them into the summary."""
     started = time.monotonic()
     backend: Backend
+    if dask is None and not anything_kept():
+        preload()  # compile here and once, instead of in every process that starts
     if dask is not None:
         backend = Cluster(dask)
     elif executor is not None:
-        if not anything_kept():
-            preload()  # compile here and once, instead of in every worker
         backend = AnyExecutor(executor)
     else:
         backend = Local(min(workers or default_workers(), len(todo)), limit)

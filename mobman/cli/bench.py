@@ -182,8 +182,10 @@ def run_command(
     chosen = load_suite(suite)
     if options["dask"] is None:
         from mobman.benchmark.workers import start_ahead
+        from mobman.compiled import anything_kept
 
-        start_ahead()  # while the following is imported
+        if anything_kept():  # else both would compile
+            start_ahead()  # while the following is imported
     from mobman.benchmark.runner import run_suite
 
     folder = output or Path("results") / chosen.name
