@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 _PATIENCE = 15.0  # s that a run waits for the browser
 _TOLD = 5
 _SUFFIXES = (".h5", ".hdf5")
-_SUMMARY = ("tracking", "redundancy", "effort", "limits", "timing")
+_SUMMARY = ("tracking", "redundancy", "effort", "limits", "ground", "timing")
 """Sections of metrics in the lines that are printed of a run."""
 
 

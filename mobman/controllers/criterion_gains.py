@@ -13,7 +13,7 @@ from mobman.controllers.gains import (
     require_positive,
     require_positive_diagonal,
 )
-from mobman.errors import GainError, MobmanError
+from mobman.errors import GainError, MobmanError, UnknownNameError
 from mobman.model.criterion import Posture, Sum, Term, criteria
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
@@ -63,6 +63,8 @@ def terms(given: Sequence[Mapping[str, Any]]) -> list[Term]:
             )
         try:
             found.append(validate(criteria.get(kind), fields, origin))
+        except UnknownNameError as error:
+            raise GainError(f"{origin}: {error}") from error
         except MobmanError as error:
             raise GainError(str(error)) from error
     return found

@@ -49,6 +49,7 @@ def slip_way(run: Run) -> float:
     "grip_used",
     "1",
     "largest friction over the normal force of a wheel; inf if the run ended early",
+    short="friction over load at most",
 )
 def grip_used(run: Run) -> float:
     normal, friction = run.ground["contact/normal"], run.ground["contact/friction"]
@@ -59,6 +60,7 @@ def grip_used(run: Run) -> float:
     "wheel_lift",
     "m",
     "largest gap between a wheel and the ground; inf if the run ended early",
+    short="lift at most",
 )
 def wheel_lift(run: Run) -> float:
     return _largest(run.ground["contact/lift"])

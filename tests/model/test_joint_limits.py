@@ -80,7 +80,7 @@ def test_a_record_says_it_and_is_repeated(tmp_path):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ([{"type": "joint-limit", "weight": 1.0}], "joint-limits"),
+        ([{"type": "joint-limit", "weight": 1.0}], r"^criteria\[0\]: .*joint-limits"),
         ([{"weight": 1.0}], "must be a table with a type"),
         ([{"type": "joint-limits"}], "weight"),
         ([{"type": "joint-limits", "weight": -1.0}], "weight"),

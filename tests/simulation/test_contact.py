@@ -7,6 +7,7 @@ import importlib.util
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.command_line import mobman
 from support.runs import Torque
 
 import mobman as mm
@@ -344,3 +345,10 @@ def test_every_robot_stands_and_drives_for_two_seconds(name):
     record = mm.simulate(name, "tsm-null-space", "circle", duration=2.0, scenario="contact")
     assert record.ok, record.message
     assert np.linalg.norm(record.task_error[-1]) < 5e-3
+
+
+def test_a_run_tells_its_slip_in_a_line():
+    done = mobman("run", "youbot", "--scenario", "contact", "--duration", "0.02")
+    assert done.returncode == 0, done.stderr
+    (line,) = [line for line in done.stdout.splitlines() if line.strip().startswith("ground")]
+    assert "slip at most" in line
