@@ -62,6 +62,19 @@ class RedundancyGains(TrackingGains):
         require_not_negative(self, "k_0", "k_d")
 
 
+@dataclass(frozen=True, kw_only=True)
+class SecondaryGains(TrackingGains):
+    """Gains of a secondary task, z = z_0, which the tip does not see."""
+
+    k_d: float = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")
+    k_0: float = gain(2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "k_d")
+        require_not_negative(self, "k_0")
+
+
 class ResolvedAcceleration(DisplayedLaw):
     """A law that chooses an acceleration z' and gives it to the nominal robot.
 

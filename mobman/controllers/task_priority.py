@@ -11,7 +11,7 @@ from mobman.arrays import Array
 from mobman.compiled import bind, sequence
 from mobman.controllers.baselines import (
     ResolvedAcceleration,
-    TrackingGains,
+    SecondaryGains,
     tracking_acceleration,
 )
 from mobman.controllers.gains import gain, require_not_negative, require_positive
@@ -27,11 +27,9 @@ _POSTURES, _NEAR = 20, 0.5  # how many, within how much of the rest posture (rad
 
 
 @dataclass(frozen=True, kw_only=True)
-class PriorityGains(TrackingGains):
+class PriorityGains(SecondaryGains):
     """Gains of the tip's task, of the secondary one, and of the inverse near singularities."""
 
-    k_d: float = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")
-    k_0: float = gain(2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion")
     k_l: float = gain(5.0, "s^-1", "speed away from a joint's limit in z_0, per depth in its zone")
     zone: float = gain(0.1, "1", "share of a joint's range, at each end, that is avoided")
     epsilon: float = gain(
@@ -40,8 +38,8 @@ class PriorityGains(TrackingGains):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "k_d", "epsilon")
-        require_not_negative(self, "k_0", "k_l", "zone")
+        require_positive(self, "epsilon")
+        require_not_negative(self, "k_l", "zone")
         if self.zone > 0.5:
             raise GainError(f"zone = {self.zone!r}: must be at most 0.5, where both zones meet")
 

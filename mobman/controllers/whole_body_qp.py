@@ -12,10 +12,10 @@ from mobman.arrays import Array
 from mobman.compiled import bind, sequence
 from mobman.controllers.baselines import (
     ResolvedAcceleration,
-    TrackingGains,
+    SecondaryGains,
     tracking_acceleration,
 )
-from mobman.controllers.gains import gain, require_not_negative, require_positive
+from mobman.controllers.gains import gain, require_positive
 from mobman.controllers.limits import (
     LimitedMotors,
     TorqueLimits,
@@ -31,19 +31,16 @@ from mobman.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
-class WholeBodyGains(TrackingGains):
+class WholeBodyGains(SecondaryGains):
     """Gains of the tip's task, of what it leaves free, and of the approach to limits."""
 
-    k_d: float = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")
-    k_0: float = gain(2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion")
     rho: float = gain(1e-5, "1", "weight of that, against the tip's task")
     kappa: float = gain(10.0, "s^-1", "rate at which a velocity or a joint may approach its limit")
     torque_limits: TorqueLimits = gain(None, "N m, N", "limits of |v|, by default those that act")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "k_d", "rho", "kappa")
-        require_not_negative(self, "k_0")
+        require_positive(self, "rho", "kappa")
         require_torque_limits(self.torque_limits)
 
 
