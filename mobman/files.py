@@ -8,8 +8,24 @@ import uuid
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from mobman.errors import UsageError
+
+
+def as_path(what: str, given: Any) -> Path:
+    """A path that a user gave.
+
+    Args:
+        what: Name of the argument, for messages.
+        given: Its value.
+
+    Raises:
+        UsageError: If it is none.
+    """
+    if not isinstance(given, (str, os.PathLike)):
+        raise UsageError(f"{what} = {given!r}: expected a path")
+    return Path(given)
 
 
 def temporary_beside(path: Path) -> Path:

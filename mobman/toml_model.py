@@ -7,12 +7,12 @@ import shlex
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from mobman.arrays import SIZES, beyond_sizes
-from mobman.errors import SpecError, UnknownNameError
+from mobman.errors import SpecError, UnknownNameError, UsageError
 from mobman.input_file import read_input
 from mobman.toml_lines import Place, TomlLines
 
@@ -23,6 +23,18 @@ class Strict(BaseModel):
     """Base of all descriptions: unknown fields are errors, values do not change once read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """Make one of a dictionary of its fields.
+
+        Raises:
+            SpecError: With every field that is wrong.
+        """
+        try:
+            return super().model_validate(obj, **options)
+        except ValidationError as error:
+            raise SpecError(f"{cls.__name__}: {describe(cls, error)}") from error
 
     @field_validator("*")
     @classmethod
@@ -45,7 +57,10 @@ def named_file(what: str, name_or_path: str | os.PathLike[str], files: Mapping[s
 
     Raises:
         UnknownNameError: If it is a name that is not there.
+        UsageError: If it is neither a name nor a path.
     """
+    if not isinstance(name_or_path, (str, os.PathLike)):
+        raise UsageError(f"{name_or_path!r} is not a {what}: expected a name or a TOML file")
     text = os.fspath(name_or_path)
     if text in files:
         return files[text]
@@ -98,7 +113,8 @@ def validate(model: type[M], content: Any, origin: str, lines: TomlLines | None 
         SpecError: With one clause for each wrong field: its name, what was found, what is allowed.
     """
     try:
-        return model.model_validate(content)
+        made: M = model.__pydantic_validator__.validate_python(content)
+        return made
     except ValidationError as error:
         clauses = _clauses(model, error)
         faults = clauses if lines is None else at_lines(clauses, lines)

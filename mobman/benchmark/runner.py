@@ -176,8 +176,8 @@ def run_suite(
     chosen = [name for name, value in given.items() if value is not None]
     if len(chosen) > 1:
         raise UsageError(f"{' and '.join(chosen)} are given: choose one of them")
-    if workers is not None and workers < 1:
-        raise UsageError(f"workers = {workers!r}: must be 1 or more")
+    if workers is not None and not (isinstance(workers, int) and workers >= 1):
+        raise UsageError(f"workers = {workers!r}: must be a whole number, 1 or more")
     if part is not None and not 1 <= part[0] <= part[1]:
         raise UsageError(f"part {part[0]}/{part[1]}: the first number must be from 1 to the second")
     tell = on_event or (lambda event: None)

@@ -17,7 +17,7 @@ import numpy as np
 from mobman.benchmark.manifest import NAME, SCHEMA_VERSION, Manifest, read_manifest
 from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError, RecordError, SpecError, UsageError
-from mobman.files import is_abandoned, sync_folder, write_whole
+from mobman.files import as_path, is_abandoned, sync_folder, write_whole
 from mobman.input_file import check_within, read_within
 from mobman.provenance import COMPUTING, versions
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
@@ -46,7 +46,7 @@ class Store:
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
-        self.folder = Path(folder)
+        self.folder = as_path("folder", folder)
         self._summaries: dict[Path, tuple[tuple[int, int], RecordSummary]] = {}
         self._hashes: dict[str, str] | None = None
 

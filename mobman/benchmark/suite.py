@@ -90,7 +90,7 @@ def load_suite(name_or_path: str | os.PathLike[str]) -> Suite:
         UnknownNameError: If there is no such name.
         SpecError: If the file is not valid.
     """
-    files, text = _files(), os.fspath(name_or_path)
+    files, text = _files(), str(name_or_path)
     if text not in files and (point := _plugins().get(text)) is not None:
         try:
             files[text] = Path(point.load())
@@ -99,7 +99,7 @@ def load_suite(name_or_path: str | os.PathLike[str]) -> Suite:
                 f"suite {text!r} of {point.value} cannot be loaded: {error!r}; expected the path of "
                 "a TOML file"
             ) from error
-    path = named_file("suite", text, files)
+    path = named_file("suite", name_or_path, files)
     content = read_toml(path, "suite file")
     lines = TomlLines(path.read_text(encoding="utf-8-sig"))
     suite = validate(Suite, content, str(path), lines)

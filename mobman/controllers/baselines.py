@@ -21,7 +21,7 @@ from mobman.controllers.gains import (
     require_positive,
 )
 from mobman.controllers.protocol import DisplayedLaw, controllers
-from mobman.controllers.task_errors import Stop, TaskSpace, desired
+from mobman.controllers.task_errors import Stop, TaskSpace, desired, take_acceleration
 from mobman.linalg import (
     apply,
     apply_transpose,
@@ -124,7 +124,7 @@ class ResolvedAcceleration(DisplayedLaw):
         """The torque for the tick, shape (nz,); see :class:`Controller`."""
         self._space.at(t, q, z)
         self._run()
-        self._measured[:] = z_dot
+        take_acceleration(self._measured, z_dot)
         if stop := self._law():
             raise Stop(stop).error(self.extended)
         return self._v.copy()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import functools
+import math
+from collections.abc import Callable, Mapping
+from numbers import Real
 from typing import Any, Protocol, runtime_checkable
 
 from mobman.arrays import Array
@@ -78,11 +81,26 @@ controllers: Registry[type[Any]] = Registry(
 """Classes that are made from an instance of their own ``Gains``, a dataclass, or without anything."""
 
 
+class NotResetError(UsageError, AttributeError):
+    """An attribute of a law that :meth:`Controller.reset` has not made yet."""
+
+
 class DisplayedLaw(Displayed):
-    """Base of laws that show their name and the gains that are not the defaults."""
+    """Base of laws that show their name and the gains that are not the defaults, and that say what is
+    wrong with the arguments of ``reset``, and that it comes first."""
 
     name: str
     gains: Any
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if (reset := vars(cls).get("reset")) is not None:
+            cls.reset = _with_checked_arguments(reset)  # type: ignore[attr-defined]
+
+    def __getattr__(self, name: str) -> Any:
+        raise NotResetError(
+            f"{type(self).__name__} has no {name!r} before reset(robot, task, dt), which comes first"
+        )
 
     def _shown(self) -> Shown:
         fields = dataclasses.fields(self.gains)
@@ -90,6 +108,20 @@ class DisplayedLaw(Displayed):
         defaults = type(self.gains)()
         given = {name: v for name, v in values.items() if v != getattr(defaults, name)}
         return Shown(line_of(type(self).__name__, self.name, given), values)
+
+
+def _with_checked_arguments(reset: Callable[..., None]) -> Callable[..., None]:
+    """A law's ``reset`` that refuses what is no robot and no sampling period."""
+
+    @functools.wraps(reset)
+    def checked(self: Any, robot: Any, task: Any, dt: Any) -> None:
+        if not isinstance(robot, MobileManipulator):
+            raise UsageError(f"robot = {robot!r}: expected what mobman.load_robot gives")
+        if not (isinstance(dt, Real) and 0.0 < float(dt) < math.inf):
+            raise UsageError(f"dt = {dt!r}: expected a number above 0 (s)")
+        reset(self, robot, task, dt)
+
+    return checked
 
 
 def list_controllers() -> list[str]:

@@ -120,21 +120,40 @@ class TaskSpace:
 
         Raises:
             SingularityError: If they do not exist there.
-            UsageError: If q or z has another shape than the robot's.
+            UsageError: If q or z has another shape than the robot's, or they are no numbers.
         """
         now = self.now
-        if len(q) != len(now.q) or len(z) != len(now.z):  # one number would fill all of them
+        try:
+            if len(q) != len(now.q) or len(z) != len(now.z):  # one number would fill all of them
+                raise ValueError
+            self._t[0] = t
+            now.q[:] = q
+            now.z[:] = z
+        except (TypeError, ValueError):
             raise UsageError(
-                f"q has shape {np.shape(q)} and z {np.shape(z)}; expected {now.q.shape} and "
-                f"{now.z.shape}"
-            )
-        self._t[0] = t
-        now.q[:] = q
-        now.z[:] = z
+                f"t = {t!r}: q has shape {np.shape(q)} and z {np.shape(z)}; expected {now.q.shape} "
+                f"and {now.z.shape}, all of numbers"
+            ) from None
         self._velocity()
         now.run_jacobians()
         if status := self._update():
             raise SingularityError(REASONS[status])
+
+
+def take_acceleration(measured: Array, z_dot: Array) -> None:
+    """Fill ``measured``, shape (nz,), with the z' that a law is given.
+
+    Raises:
+        UsageError: If that has another shape, or is no numbers.
+    """
+    try:
+        if len(z_dot) != len(measured):
+            raise ValueError
+        measured[:] = z_dot
+    except (TypeError, ValueError):
+        raise UsageError(
+            f"z_dot has shape {np.shape(z_dot)}; expected {measured.shape}, of numbers"
+        ) from None
 
 
 @kernel

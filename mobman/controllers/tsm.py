@@ -51,7 +51,7 @@ from mobman.controllers.limits import (
     require_torque_limits,
 )
 from mobman.controllers.protocol import DisplayedLaw, controllers
-from mobman.controllers.task_errors import Stop, TaskSpace, desired
+from mobman.controllers.task_errors import Stop, TaskSpace, desired, take_acceleration
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
 from mobman.errors import GainError
 from mobman.linalg import apply_transpose, dot, gram, norm, solve
@@ -482,7 +482,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         now = self._now
         self._space.at(t, q, z)
         now.run_inertia()
-        self._z_dot[:] = z_dot
+        take_acceleration(self._z_dot, z_dot)
         if stop := self._law():
             raise Stop(stop).error(self.extended)
         return self._held.v.copy()

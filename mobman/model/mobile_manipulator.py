@@ -213,7 +213,14 @@ class MobileManipulator(Displayed):
         vars(self).update(state, _of_thread=local())
 
     def with_model(self, model: pin.Model) -> MobileManipulator:
-        """The same robot on another Pinocchio model of the same joints (other inertias, say)."""
+        """The same robot on another Pinocchio model of the same joints (other inertias, say).
+
+        Raises:
+            UsageError: If it is no model.
+            ModelError: If its joints are others.
+        """
+        if not isinstance(model, pin.Model):
+            raise UsageError(f"model = {model!r}: expected a pinocchio.Model")
         if list(model.names) != list(self.model.names):
             raise ModelError(f"robot {self.name!r}: the other model has other joints")
         return MobileManipulator(
@@ -482,7 +489,7 @@ def _vector(name: str, value: Any, length: int) -> Array:
         UsageError: If it has another shape, or not only finite numbers.
     """
     try:
-        vector = np.asarray(value, dtype=float)
+        vector = np.asarray(value).astype(float, casting="same_kind", copy=False)
     except (TypeError, ValueError, OverflowError) as error:
         raise UsageError(f"{name} = {value!r}; needed: {length} numbers") from error
     if vector.shape != (length,):

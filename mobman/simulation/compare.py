@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mobman.display import Displayed, Shown
 from mobman.errors import UsageError
+from mobman.files import as_path
 from mobman.simulation.record import Record, load_record
 
 if TYPE_CHECKING:
@@ -88,7 +88,9 @@ class Comparison(Displayed):
                 heading="" if specs else title,
             )
             specs.append(spec)
-        return files.displayed(specs) if path is None else files.save(Path(path), specs, title)
+        if path is None:
+            return files.displayed(specs)
+        return files.save(as_path("path", path), specs, title)
 
     def _shown(self) -> Shown:
         return Shown(f"Comparison({', '.join(self.records)})", {})

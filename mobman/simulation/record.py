@@ -18,6 +18,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.display import Displayed, Shown
 from mobman.errors import MobmanError, RecordError
+from mobman.files import as_path
 from mobman.isolation import Crash, helper, limits
 from mobman.provenance import machine
 from mobman.simulation.record_file import APPLIED, DICTIONARIES, OPTIONAL, file_content, write_file
@@ -139,8 +140,9 @@ class Record(Displayed):
             UsageError: If ``every`` or ``compression`` is no such number.
         """
         content = self.to_bytes(every=every, compression=compression)
-        write_file(Path(path), content)
-        return Path(path)
+        file = as_path("path", path)
+        write_file(file, content)
+        return file
 
     def to_bytes(self, *, every: int = 1, compression: int = 4) -> bytes:
         """The content of the file that :meth:`save` writes.
@@ -238,7 +240,9 @@ class Record(Displayed):
             ended=not self.ok,
             ratios={"share of the limit": self._shares_of_limits(), **ratios_of(self.signals)},
         )
-        return files.displayed(specs) if path is None else files.save(Path(path), specs, title)
+        if path is None:
+            return files.displayed(specs)
+        return files.save(as_path("path", path), specs, title)
 
     def _shares_of_limits(self) -> dict[str, Array]:
         """The largest share of a limit at each sample, shape (N_s,), by the kind of limit; 1 is at the
@@ -298,7 +302,7 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Raises:
         RecordError: If there is no such file, or it is not a record that this version reads.
     """
-    content = _read(Path(path), whole=True)
+    content = _read(as_path("path", path), whole=True)
     for name in (*DICTIONARIES, *OPTIONAL):
         content[name] = json.loads(content.pop(f"{name}_json"))
     return Record(**content.pop("fields"), **content)

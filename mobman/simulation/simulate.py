@@ -100,6 +100,9 @@ def simulate(
     ticks = whole_ticks(duration, dt)
     stride = max(1, round(seconds("observe_every", observe_every) / dt))
     seed = _seed(seed)
+    for name, function in (("observe", observe), ("progress", progress)):
+        if function is not None and not callable(function):
+            raise UsageError(f"{name} = {function!r}: expected a function")
     given = robot.q_rest if q0 is None else robot.checked_configuration(q0)
     aim = make_task(task, robot, given) if isinstance(task, str) else task
     differences = _scenario(scenario)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
+from numbers import Real
 from typing import Annotated, Any
 
 import numpy as np
@@ -39,7 +40,13 @@ class KernelPath(Displayed):
         raise NotImplementedError
 
     def desired(self, t: float) -> tuple[Array, Array, Array, Array]:
-        """p_d and its first three derivatives at time t (s), see :class:`mobman.tasks.task.Task`."""
+        """p_d and its first three derivatives at time t (s), see :class:`mobman.tasks.task.Task`.
+
+        Raises:
+            UsageError: If t is no finite number.
+        """
+        if not (isinstance(t, Real) and math.isfinite(t)):
+            raise UsageError(f"t = {t!r}: expected a finite number (s)")
         p_d, (kernel, *arguments) = np.zeros((4, self.width)), self._kernel()
         plain(kernel)(np.array([t]), *arguments, p_d)
         rates = p_d[1:, : min(self.width, 6)]

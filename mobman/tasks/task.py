@@ -112,7 +112,7 @@ def make_task(
             not fit the robot.
     """
     checked = check_parameters(name, parameters)
-    if isinstance(robot, str):
+    if not isinstance(robot, MobileManipulator):
         robot = load_robot(robot)
     start = robot.q_rest if q0 is None else robot.checked_configuration(q0)
     return tasks.get(name)(robot, start, **checked)

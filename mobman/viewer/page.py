@@ -142,8 +142,10 @@ class PageServer(socketserver.ThreadingTCPServer):
         port: int | None = None,
         frames: Callable[[float], str] | None = None,
     ) -> None:
-        if port is not None and not 0 <= port <= 65535:
-            raise UsageError(f"port = {port}: allowed: 0 to 65535")
+        if port is not None and not (isinstance(port, int) and 0 <= port <= 65535):
+            raise UsageError(f"port = {port!r}: allowed: 0 to 65535")
+        if not isinstance(host, str):
+            raise UsageError(f"host = {host!r}: expected an address or a name")
         try:
             found = socket.getaddrinfo(host, port or 0, type=socket.SOCK_STREAM)[0]
             self.address_family = found[0]

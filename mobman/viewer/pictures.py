@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from PIL import Image
 
 from mobman.errors import MobmanError, UsageError
 from mobman.viewer.page import document, write_whole
-from mobman.viewer.scene import Scene
+from mobman.viewer.scene import Scene, check_view
 
 VARIABLE = "MOBMAN_BROWSER"
 """Environment variable that may name the browser's program."""
@@ -66,11 +67,9 @@ def save_picture(
         BrowserError: If there is no browser.
         MobmanError: If the file cannot be written.
     """
-    if time is not None and not (math.isfinite(time) and time >= 0.0):
-        raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
+    check_view(time)
     at = scene.duration if time is None else min(time, scene.duration)
-    if not (math.isfinite(scale) and scale > 0.0):
-        raise UsageError(f"scale = {scale!r}: must be a number above 0")
+    _check_positive(scale=scale)
     shown = _checked_size(size)
     _checked_size((round(scale * shown[0]), round(scale * shown[1])))
     picture = _in_browser(
@@ -107,9 +106,7 @@ def save_film(
     if scene.duration <= 0.0:
         raise UsageError(f"{path}: there is no run, and a robot alone does not move; make a .png")
     rate = fps if fps is not None else (20.0 if gif else 30.0)
-    for name, value in (("fps", rate), ("speed", speed)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise UsageError(f"{name} = {value!r}: must be a number above 0")
+    _check_positive(fps=rate, speed=speed)
     count = math.ceil(scene.duration * rate / speed) + 1
     if count > _MOST_FRAMES:
         raise UsageError(
@@ -140,11 +137,20 @@ def _frame(page: Any, time: float, transparent: bool = False) -> bytes:
     return picture
 
 
+def _check_positive(**given: Any) -> None:
+    for name, value in given.items():
+        if not (isinstance(value, Real) and 0.0 < float(value) < math.inf):
+            raise UsageError(f"{name} = {value!r}: must be a number above 0")
+
+
 def _checked_size(size: tuple[int, int] | None) -> tuple[int, int]:
-    width, height = _SIZE if size is None else size
-    if not (16 <= width <= _LARGEST and 16 <= height <= _LARGEST):
-        raise UsageError(f"size = {width}x{height}: allowed: 16x16 to {_LARGEST}x{_LARGEST}")
-    return width, height
+    match _SIZE if size is None else size:
+        case [int(width), int(height)] if (
+            16 <= min(width, height) <= max(width, height) <= _LARGEST
+        ):
+            return width, height
+    shown = "x".join(map(str, size)) if isinstance(size, tuple) else repr(size)
+    raise UsageError(f"size = {shown}: allowed: 16x16 to {_LARGEST}x{_LARGEST} pixels")
 
 
 def _write_gif(path: Path, frames: Iterator[Any], rate: float, size: tuple[int, int]) -> None:

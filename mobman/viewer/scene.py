@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -215,6 +216,18 @@ def direction(camera: str | Sequence[float] | None) -> tuple[float, ...] | None:
     return found
 
 
+def check_view(time: Any = None, layout: Any = LAYOUTS[0]) -> None:
+    """Check an instant of a run (s; None is any), and how several runs are laid out.
+
+    Raises:
+        UsageError: If the time is no number from 0 on, or there is no such layout.
+    """
+    if layout not in LAYOUTS:
+        raise UsageError(f"layout = {layout!r}: allowed: {', '.join(LAYOUTS)}")
+    if time is not None and not (isinstance(time, Real) and 0.0 <= float(time) < math.inf):
+        raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
+
+
 def scene_of_robot(
     robot: MobileManipulator, *, camera: str | Sequence[float] | None = None
 ) -> Scene:
@@ -253,10 +266,7 @@ def scene_of_runs(
     """
     if not runs:
         raise UsageError("there is no run to show")
-    if layout not in LAYOUTS:
-        raise UsageError(f"layout = {layout!r}: allowed: {', '.join(LAYOUTS)}")
-    if time is not None and not (math.isfinite(time) and time >= 0.0):
-        raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
+    check_view(time, layout)
     records = [run.record for run in runs]
     shown, motions, extents, warnings = [], [], [], []
     # a run has the colour of its law, of several runs of one law the first

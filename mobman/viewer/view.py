@@ -21,6 +21,7 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import UsageError
+from mobman.files import as_path
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.platforms.custom import without_code
@@ -37,6 +38,7 @@ from mobman.viewer.scene import (
     Scene,
     ShownRun,
     States,
+    check_view,
     motion,
     scene_of_robot,
     scene_of_runs,
@@ -109,7 +111,7 @@ class View:
             UsageError: If the file's kind is another, or an option cannot be.
             MobmanError: If there is no browser for a picture, or the file cannot be written.
         """
-        file = Path(path)
+        file = as_path("path", path)
         kind = file.suffix.lower()
         if kind in (".html", ".htm"):
             if options:
@@ -221,6 +223,7 @@ def make_scene(
     Raises:
         MobmanError: As :func:`view` does.
     """
+    check_view(time, layout)
     single = isinstance(what, (Record, MobileManipulator, RobotSpec, Mapping, str, os.PathLike))
     if not single and not isinstance(what, Iterable):
         raise UsageError(f"{what!r} cannot be shown: give a robot, a run, or several runs")
