@@ -15,6 +15,8 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.registry import Registry
 from mobman.toml_model import Strict
 
+_STEP = 1e-30  # of the complex step: its square is below the rounding of anything
+
 
 class Criterion(Protocol):
     """An objective F(q) that the redundant degrees of freedom minimise, (10)-(12).
@@ -80,6 +82,42 @@ def criterion_entry(
         hessian_rate[:] = criterion.hessian_rate(q.copy(), q_dot.copy())
 
     return evaluate
+
+
+class ByComplexStep:
+    """Base of a criterion whose g and H can be computed from a complex q.
+
+    H' is the imaginary part of H at q + i h q' over h, which has no error of differences.
+    """
+
+    def derivatives(self, q: Array, along: Array) -> tuple[Array, Array]:
+        """dF/dq and d2F/dq2 at ``along``, which is q with or without the step, shape (nq,)."""
+        raise NotImplementedError
+
+    def gradient(self, q: Array) -> Array:
+        """dF/dq, shape (nq,)."""
+        return self.derivatives(q, q)[0]
+
+    def hessian(self, q: Array) -> Array:
+        """d2F/dq2, shape (nq, nq)."""
+        return self.derivatives(q, q)[1]
+
+    def hessian_rate(self, q: Array, q_dot: Array) -> Array:
+        """dH/dt along q', shape (nq, nq)."""
+        _, hessian = self.derivatives(q, q + 1j * _STEP * q_dot)
+        rate: Array = np.imag(hessian) / _STEP
+        return rate
+
+    def entry(
+        self, q: Array, q_dot: Array, gradient: Array, hessian: Array, hessian_rate: Array
+    ) -> Callable[[], None]:
+        """See :class:`Criterion`; one evaluation has all three."""
+
+        def evaluate() -> None:
+            g, H = self.derivatives(q, q + 1j * _STEP * q_dot)
+            gradient[:], hessian[:], hessian_rate[:] = g.real, H.real, np.imag(H) / _STEP
+
+        return evaluate
 
 
 class Posture:
@@ -184,6 +222,26 @@ class Sum:
         """dH/dt along q', shape (nq, nq)."""
         total: Array = np.sum([part.hessian_rate(q, q_dot) for part in self._parts], axis=0)
         return total
+
+    def entry(
+        self, q: Array, q_dot: Array, gradient: Array, hessian: Array, hessian_rate: Array
+    ) -> Callable[[], None]:
+        """See :class:`Criterion`."""
+        sums, n = (gradient, hessian, hessian_rate), len(q)
+        own = [[np.empty(n), np.empty((n, n)), np.empty((n, n))] for _ in self._parts]
+        parts = [
+            criterion_entry(part, q, q_dot, *arrays)
+            for part, arrays in zip(self._parts, own, strict=True)
+        ]
+        of_each = list(zip(sums, *own, strict=True))
+
+        def evaluate() -> None:
+            for part in parts:
+                part()
+            for total, *summands in of_each:
+                np.sum(summands, axis=0, out=total)
+
+        return evaluate
 
 
 @kernel

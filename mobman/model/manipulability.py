@@ -3,14 +3,13 @@ r"""Yoshikawa's measure of manipulability, :math:`\sqrt{\det(J J^T)}`, as a term
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import UsageError
-from mobman.model.criterion import Criterion, Term, criteria
+from mobman.model.chain import Chain, ChainPose
+from mobman.model.criterion import ByComplexStep, Criterion, Term, criteria
 from mobman.model.mobile_manipulator import MobileManipulator
 
-_STEP = 1e-30  # of the complex step: its square is below the rounding of anything
 _RANK = 1e-12  # det(J J^T) over that of a matrix of equal singular values
 
 
@@ -38,46 +37,29 @@ class Manipulability(Term):
         return term
 
 
-class _Arm:
+class _Arm(ByComplexStep):
     """See :class:`Manipulability`; kinematics of the arm alone, from real or complex q."""
 
     def __init__(self, robot: MobileManipulator, weight: float) -> None:
         model, frame = robot.model, robot.model.frames[robot.model.getFrameId(robot.tip)]
-        data, own = model.createData(), set(robot.arm.joints.tolist())
-        chain = [i for i in model.supports[frame.parentJoint] if i and model.idx_qs[i] in own]
-        self._weight, self._nq = weight, robot.nq
-        self._index = np.array([model.idx_qs[i] for i in chain])
-        self._placements = [model.jointPlacements[i].homogeneous for i in chain]
-        motions = [np.asarray(data.joints[i].S).reshape(6) for i in chain]
-        self._slides = np.array([motion[:3] for motion in motions])
-        self._turns = np.array([motion[3:] for motion in motions])
+        own = set(robot.arm.joints.tolist())
+        supports = model.supports[frame.parentJoint]
+        self._chain = Chain(model, [i for i in supports if i and model.idx_qs[i] in own])
+        self._weight = weight
+        self._index = self._chain.index
         self._tip = frame.placement.homogeneous
         moved = robot.velocity_map(robot.q_rest)[self._index]  # followers at their ratios
         arm = moved[:, robot.nz - robot.n :]
         self._share = arm @ arm.T
 
-    def _axes(self, q: Array) -> tuple[Array, Array]:
-        """Axes of rotation (0 of slides) and J, shapes (joints, 3), in the arm's first frame."""
-        pose = np.eye(4, dtype=q.dtype)
-        axes, slides, centres = [], [], []
-        for i, place in enumerate(self._placements):
-            pose = pose @ place
-            x, u = q[self._index[i]], self._turns[i]
-            axes.append(pose[:3, :3] @ u)
-            slides.append(pose[:3, :3] @ self._slides[i])
-            centres.append(pose[:3, 3])
-            cross = pin.skew(u)
-            moved = np.eye(4, dtype=q.dtype)
-            moved[:3, :3] += np.sin(x) * cross + (1.0 - np.cos(x)) * (cross @ cross)
-            moved[:3, 3] = x * self._slides[i]
-            pose = pose @ moved
-        tip = (pose @ self._tip)[:3, 3]
-        a = np.array(axes)
-        return a, np.array(slides) + np.cross(a, tip - np.array(centres))
+    def _pose(self, q: Array) -> tuple[ChainPose, Array]:
+        """The chain, and J of the tip, shape (joints, 3), in the arm's first frame."""
+        pose = self._chain.at(q)
+        return pose, pose.jacobian((pose.frames[-1] @ self._tip)[None, :3, 3])[0]
 
     def inertia_like(self, q: Array) -> Array:
         """J_a J_a^T (m^2), shape (3, 3)."""
-        _, J = self._axes(q)
+        _, J = self._pose(q)
         A: Array = J.T @ self._share @ J
         return A
 
@@ -85,36 +67,16 @@ class _Arm:
         """F(q)."""
         return float(-0.5 * self._weight * np.linalg.slogdet(self.inertia_like(q))[1])
 
-    def gradient(self, q: Array) -> Array:
-        """dF/dq, shape (nq,)."""
-        gradient = np.zeros(self._nq)
-        gradient[self._index] = self._derivatives(q)[0]
-        return gradient
-
-    def hessian(self, q: Array) -> Array:
-        """d2F/dq2, shape (nq, nq)."""
-        return self._whole(self._derivatives(q)[1])
-
-    def hessian_rate(self, q: Array, q_dot: Array) -> Array:
-        """dH/dt along q', shape (nq, nq): the complex step, which has no error of differences."""
-        return self._whole(self._derivatives(q + 1j * _STEP * q_dot)[1].imag / _STEP)
-
-    def _whole(self, own: Array) -> Array:
-        whole = np.zeros((self._nq, self._nq))
-        whole[np.ix_(self._index, self._index)] = own
-        return whole
-
-    def _derivatives(self, q: Array) -> tuple[Array, Array]:
-        """dF/dq and d2F/dq2 of the chain's joints.
+    def derivatives(self, q: Array, along: Array) -> tuple[Array, Array]:
+        """dF/dq and d2F/dq2.
 
         With K_ki = dJ_k/dq_i = a_min x J_max, the smaller and the larger of k and i, and dA_i = K_i^T R
         J + J^T R K_i for A = J^T R J: F_i = -w/2 tr(A^-1 dA_i).
         """
-        a, J = self._axes(q)
-        n = len(a)
-        k, i = np.indices((n, n))
-        first, last = np.minimum(k, i), np.maximum(k, i)
-        K = np.cross(a[first], J[last])  # (k, i, 3)
+        pose, J = self._pose(along)
+        a, (first, last) = pose.axes, pose.pairs()
+        K = np.cross(a[first], J[last])  # d J_k/dq_i, (k, i, 3)
+        k, i = np.indices(K.shape[:2])
         # d a_m/dq_j = a_j x a_m for j before m
         turned = np.where((k > i)[..., None], np.cross(a[i], a[k]), 0.0)  # (m, j, 3)
         second = np.cross(turned[first], J[last][:, :, None]) + np.cross(
@@ -122,13 +84,15 @@ class _Arm:
         )  # d K_ki/dq_j, (k, i, j, 3)
         inverse = np.linalg.inv(J.T @ self._share @ J)
         P = self._share @ J @ inverse  # (k, 3)
-        gradient = -self._weight * np.einsum("kc,kic->i", P, K)
+        gradient = np.zeros(len(q), dtype=along.dtype)
+        gradient[self._index] = -self._weight * np.einsum("kc,kic->i", P, K)
         dA = np.einsum("kic,kl,ld->icd", K, self._share, J)
         dA = dA + dA.transpose(0, 2, 1)
         dP = np.einsum("kl,ljc,cd->jkd", self._share, K, inverse) - np.einsum(
             "kc,jcd,de->jke", P, dA, inverse
         )
-        hessian = -self._weight * (
+        hessian = np.zeros((len(q), len(q)), dtype=along.dtype)
+        hessian[np.ix_(self._index, self._index)] = -self._weight * (
             np.einsum("jkc,kic->ij", dP, K) + np.einsum("kc,kijc->ij", P, second)
         )
         return gradient, hessian
