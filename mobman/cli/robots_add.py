@@ -21,7 +21,7 @@ from mobman.robots.infer.findings import TYPES, Options
 
 if TYPE_CHECKING:
     from mobman.model.mobile_manipulator import MobileManipulator
-    from mobman.robots.urdf.read import UrdfSources
+    from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
 _ABOUT_OPTIONS = r"field '(platform|arm|urdf\.lock)\b|\[platform\]|\[arm\]"
 """Parts of a message that an option may mend."""
@@ -195,7 +195,7 @@ def add(
         "nq": robot.nq,
         "nz": robot.nz,
         "uncertain": list(found.found.uncertain),
-        "warnings": [*found.warnings, *doubts],
+        "warnings": [*found.warnings, *doubts, *_missing_meshes(files)],
         "next": [f"mobman robots check {known}", f"mobman run {known}"],
     }
     if as_json:
@@ -263,6 +263,18 @@ def _verified(robot: MobileManipulator, force: bool) -> list[str]:
             "--wheel-radius (m), --up or --heading; with --force it is written as it is"
         )
     return [f"{finding.check}: {finding.found}" for finding in findings if finding.status != "ok"]
+
+
+def _missing_meshes(files: Sequence[UrdfFile]) -> Iterator[str]:
+    """A sentence about meshes that are not where the URDFs name them, if there are any."""
+    from mobman.robots.urdf.meshes import mesh_paths
+
+    named = {mesh.filename: mesh for file in files for mesh in mesh_paths(file.parse(), file)}
+    if missing := [name for name, mesh in named.items() if mesh.path is None]:
+        yield (
+            f"{len(missing)} of {len(named)} meshes are missing, {missing[0]!r} for instance: plain "
+            "shapes are drawn instead; --package-path names the folder that holds their packages"
+        )
 
 
 def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> MobileManipulator:

@@ -42,6 +42,8 @@ _THIN_WALL = 0.5
 """Thickness of a wall beside a well that is left out, of the wheel's radius."""
 _THINNEST = 0.005
 """Thickness of a plain body whose inertia says less (m)."""
+_LIGHTEST = 300.0
+"""Least density of a plain body (kg/m^3): inertias that are much too large are common."""
 _ROD = 0.025
 """Radius of a skeleton's rods, of the robot's size."""
 _UNBOUNDED = 1e3
@@ -314,7 +316,8 @@ def _wheels(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
 def _boxes(
     robot: MobileManipulator, links: Mapping[str, ET.Element], wheels: set[int]
 ) -> Iterator[Part]:
-    """The homogeneous box that has each link's mass and inertia; none for wheels."""
+    """The homogeneous box that has each link's mass and inertia, smaller if it would be too light; none
+    for wheels."""
     for name, link in links.items():
         frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
         inertial = link.find("inertial")
@@ -327,7 +330,8 @@ def _boxes(
             continue
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         squares = 6.0 * (moments.sum() - 2.0 * moments) / mass
-        x, y, z = np.sqrt(np.maximum(squares, _THINNEST**2)).tolist()
+        size = np.sqrt(np.maximum(squares, _THINNEST**2))
+        x, y, z = (size * min(1.0, np.cbrt(mass / _LIGHTEST / size.prod()))).tolist()
         place = frame.placement * pin.SE3(*placement(inertial)) * pin.SE3(axes, np.zeros(3))
         shape = Primitive("box", (x, y, z))
         yield Part(f"{name}_body", frame.parentJoint, "visual", place, shape, _GREY, name)

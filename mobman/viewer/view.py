@@ -11,7 +11,7 @@ import sys
 import threading
 import warnings
 import webbrowser
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter, sleep
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from mobman.arrays import Array
+from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import UsageError
 from mobman.files import as_path
 from mobman.model.build import load_robot
@@ -49,6 +50,8 @@ Viewable = Record | MobileManipulator | RobotSpec | Mapping[str, Any] | str | os
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEIGHT = 620  # pixels, in a notebook
+_RATED = 1.0
+"""Time over which the rate of a live run is taken (s)."""
 _BEHIND = 0.1
 """Delay behind the clock that a live run makes up for (s); a longer one is kept."""
 
@@ -316,17 +319,21 @@ class LiveRun:
         self._task = make_task(task, self._robot, **(task_options or {}))
         self._about: dict[str, Any] = {"robot": robot.name, "controller": controller, "task": task}
         self._about |= {"scenario": scenario, "seed": seed}
+        self._space = TaskSpace(self._robot, self._task)
         self._samples: list[tuple[float, Array, Array, Array]] = []
+        self._taken: list[float] = []  # when each was, by the clock (s)
         self._asked = threading.Event()
         self._whole: str | None = None
         times = [*np.arange(0.0, duration, self.every), duration]
         still = np.zeros(self._robot.nz)
         rest = self._states([(t, self._robot.q_rest, still, still) for t in times])
         self.scene = scene_of_runs([ShownRun(rest, "", robot=self._robot)], live=True)
+        self.scene.content["live_speed"] = speed
 
     def observe(self, t: float, q: Array, z: Array, torque: Array) -> None:
         """Take a state; returns when it is time to go on."""
         self._samples.append((t, q.copy(), z.copy(), torque.copy()))
+        self._taken.append(perf_counter())
         if self._speed is None:
             return
         now, due = perf_counter(), t / self._speed
@@ -355,19 +362,32 @@ class LiveRun:
         later = samples[bisect_right(samples, after, key=lambda sample: sample[0]) :]
         if not later:
             return "{}"
-        return json.dumps({"motion": motion(self._states(later), self._robot).described()})
+        moved = motion(self._states(later), self._robot)
+        return json.dumps({"motion": moved.described(), "rate": self._rate(len(samples))})
+
+    def _rate(self, count: int) -> float | None:
+        """Simulated seconds a second over the last second of the clock; None if it has just begun."""
+        now, last = self._taken[count - 1], count - 1
+        first = min(bisect_left(self._taken, now - _RATED, hi=last), last - 1)
+        if first < 0 or not (passed := now - self._taken[first]) > 0.0:
+            return None
+        return (self._samples[last][0] - self._samples[first][0]) / passed
 
     def _states(self, samples: list[tuple[float, Array, Array, Array]]) -> States:
         t, q, z, torque = (np.array(part) for part in zip(*samples, strict=True))
-        desired = np.array([self._task.desired(float(instant))[0] for instant in t])
-        robot, m = (
-            self._robot,
-            min(desired.shape[1], 3),
-        )  # an orientation is shown when the run is over
-        desired = desired[:, :m]
-        tip = np.array([robot.tip_pose(row).translation[:m] for row in q])
-        error, names = tip - desired, robot.joint_names
-        return States(t, q, z, torque, tip, desired, error, names, **self._about)
+        seen = (self._seen(*sample[:3]) for sample in samples)
+        tip, desired, error = (np.array(part) for part in zip(*seen, strict=True))
+        m, names = tip.shape[1], self._robot.joint_names
+        turn = desired[:, m:] if desired.shape[1] > m else None
+        of_tip = (tip, desired[:, :m], error)
+        return States(t, q, z, torque, *of_tip, names, **self._about, tip_desired_orientation=turn)
+
+    def _seen(self, t: float, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        """Tip position, p_d and task error at a state."""
+        space = self._space
+        space.at(t, q, z)
+        tip = space.f[:3].copy()
+        return tip, self._task.desired(float(t))[0], space.f - space.p_d[0]
 
 
 def _in_notebook() -> bool:

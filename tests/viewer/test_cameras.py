@@ -20,6 +20,20 @@ HIDDEN = """() => {
     return [points.length, points.filter((at) =>
         !at || !inside(at, whole) || shown.some((box) => inside(at, box)))];
 }"""
+# Boxes that lie on each other, and texts that do not fit into theirs.
+CLASHES = """() => {
+    const ids = ["info", "legend", "menu", "panel", "clock"];
+    const nodes = ids.map((id) => document.getElementById(id)).filter((node) => node.offsetWidth);
+    const boxes = nodes.map((node) => node.getBoundingClientRect());
+    const meet = (a, b) =>
+        a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+    const out = ({ left, right, bottom }) => left < 0 || right > innerWidth || bottom > innerHeight;
+    const bad = nodes.filter((_, i) =>
+        out(boxes[i]) || boxes.some((box, j) => j !== i && meet(boxes[i], box)));
+    const texts = nodes.flatMap((node) => [node, ...node.querySelectorAll("*:not(svg *, option)")]);
+    const cut = texts.filter((n) => n.clientWidth && n.scrollWidth > n.clientWidth + 1);
+    return [...bad, ...cut].map((node) => node.id || node.outerHTML.slice(0, 80));
+}"""
 FROM = """() => {
     const { camera, controls } = mobman.app.stage.viewer;
     const { x, y, z } = camera.position.clone().sub(controls.target).normalize();
@@ -49,6 +63,7 @@ def test_first_view_is_clear_of_what_is_written(files, opened, name):
             count, hidden = page.evaluate(HIDDEN)
             assert count > 8
             assert hidden == [], (width, height)
+            assert page.evaluate(CLASHES) == [], (width, height)
         page.set_viewport_size({"width": 1400, "height": 900})
         for camera in CAMERAS:
             page.evaluate("camera => mobman.look(camera)", camera)

@@ -21,6 +21,7 @@ from tests.support.poses import largest_difference
 from tests.support.variants import youbot_urdf, youbot_with_urdf
 
 MESH = '<visual><geometry><mesh filename="package://nowhere/{}"/></geometry></visual>'
+BULKY = '<inertia ixx="3" iyy="4" izz="5"'
 
 
 def _robot(folder, change):
@@ -86,6 +87,43 @@ def test_link_whose_mesh_is_missing_does_not_leave_others_floating(tmp_path):
     inertia = robot.model.inertias[part.joint]
     box = part.placement.act(pin.Inertia.FromBox(inertia.mass, *part.shape.size))
     assert box.matrix() == pytest.approx(inertia.matrix(), abs=1e-9)
+
+
+def test_plain_body_of_an_inertia_that_is_too_large_hides_nothing(tmp_path):
+    def change(text):
+        mesh = MESH.format("base.stl")
+        text = _in_link(_without_looks(text), "platform", mesh)
+        return re.sub(r'<inertia ixx="\S+" iyy="\S+" izz="\S+"', BULKY, text, count=1)
+
+    robot = _robot(tmp_path, change)
+    (part,) = [p for p in robot_parts(robot)[0] if p.link == "platform" and p.role == "visual"]
+    mass = robot.model.inertias[part.joint].mass
+    assert mass / np.prod(part.shape.size) == pytest.approx(300.0)
+    x, y, z = np.square(part.shape.size)
+    assert [y + z, x + z, x + y] == pytest.approx(
+        np.array([3, 4, 5]) * (y + z) / 3
+    )  # in proportion
+
+
+@pytest.mark.parametrize("name", ["hsr", "stretch", "fetch", "youbot_mecanum", "turtlebot3_omx"])
+def test_nothing_floats(name):
+    """The boxes about all shapes at rest, 25 mm larger since wheels have wells, are joined by others."""
+    robot = mm.load_robot(name)
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.q_rest)
+    boxes = []
+    for part in robot_parts(robot)[0]:
+        if part.role == "visual":
+            place = data.oMi[part.joint] * part.placement
+            points = part.shape.points @ place.rotation.T + place.translation
+            boxes.append((points.min(axis=0) - 0.025, points.max(axis=0) + 0.025))
+    found, rest = [boxes[0]], boxes[1:]
+    for low, high in found:
+        near = [b for b in rest if np.all(b[0] < high) and np.all(low < b[1])]
+        found += near
+        rest = [b for b in rest if not any(b is other for other in near)]
+    assert len(boxes) > 5
+    assert rest == []
 
 
 def test_hollowed_box_is_closed_and_has_the_volume_that_is_left():

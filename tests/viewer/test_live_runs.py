@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import re
@@ -12,6 +13,7 @@ import threading
 import urllib.error
 import urllib.request
 from time import perf_counter
+from types import SimpleNamespace
 
 import click
 import numpy as np
@@ -19,6 +21,8 @@ import pytest
 
 import mobman as mm
 from mobman.cli.run import run as run_command
+from mobman.viewer import view as view_module
+from mobman.viewer.scene import motion
 from mobman.viewer.view import LiveRun, View
 from tests.support.poses import largest_difference
 
@@ -77,6 +81,8 @@ def test_the_page_follows_the_run_which_is_not_changed(name, opened):
             halfway = seen[-1]
             assert not ended.is_set()
             assert page.evaluate("mobman.frameTimes().pop()") == halfway[0]
+            shown = "document.getElementById('rate').innerText"
+            page.wait_for_function(f"/^[0-9.]+× real time$/.test({shown}.trim())")
             page.wait_for_function("end => Math.abs(mobman.time() - end) < 1e-12", arg=halfway[0])
         finally:
             gate.set()
@@ -88,6 +94,7 @@ def test_the_page_follows_the_run_which_is_not_changed(name, opened):
         assert page.evaluate("mobman.playing()") is False
         assert page.evaluate("mobman.time()") == record.t[-1]
         assert largest_difference(page, robot, record.q[-1]) <= 1e-6
+        assert page.evaluate("document.getElementById('rate').hidden") is True
         # then all of it can be looked at
         assert page.evaluate("document.getElementById('time').disabled") is False
         times = np.array(page.evaluate("mobman.frameTimes()"))
@@ -99,9 +106,10 @@ def test_the_page_follows_the_run_which_is_not_changed(name, opened):
     assert_same_results(record, mm.simulate(robot, "tsm", "circle", duration=0.5))
 
 
-def test_frames_are_the_states_as_they_were():
-    robot = mm.load_robot("youbot")
-    live = LiveRun(robot, "paper", duration=0.3, speed=None)
+@pytest.mark.parametrize(("name", "task"), [("youbot", "paper"), ("tiago", "pose-circle")])
+def test_frames_are_the_states_as_they_were(name, task):
+    robot = mm.load_robot(name)
+    live = LiveRun(robot, task, duration=0.3, speed=None)
     seen = []
 
     def observe(t, q, z, torque):
@@ -109,17 +117,46 @@ def test_frames_are_the_states_as_they_were():
         live.observe(t, q, z, torque)
 
     record = mm.simulate(
-        robot, "tsm", "paper", duration=0.3, observe=observe, observe_every=live.every
+        robot, "extended-jacobian", task, duration=0.3, observe=observe, observe_every=live.every
     )
     assert len(seen) >= 17
     for t, q in seen:
         assert q.tobytes() == record.q[np.flatnonzero(record.t == t)[0]].tobytes()
     news = json.loads(live.frames(-1.0))["motion"]
     assert news["t"]["shape"] == [len(seen)]
+    there = np.isin(record.t, unpacked(news["t"]))
+    tracks = {n: getattr(record, n) for n in (*ARRAYS[:7], "tip_desired_orientation")}
+    same = {n: None if track is None else track[there] for n, track in tracks.items()}
+    whole = motion(SimpleNamespace(**same, joint_names=record.joint_names), robot).described()
+    for name, track in whole.items():  # what is desired and how far it is, as of the record
+        if track is not None:
+            assert unpacked(news[name]) == pytest.approx(unpacked(track), rel=1e-5, abs=1e-6), name
+    assert (whole["turn"] is None) == (task == "paper")
     assert json.loads(live.frames(seen[-1][0])) == {}
     assert json.loads(live.frames(seen[-3][0]))["motion"]["t"]["shape"] == [2]
     live.finish(record)
     assert json.loads(live.frames(seen[-1][0]))["ended"] is True
+
+
+def unpacked(track):
+    array = np.frombuffer(base64.b64decode(track["data"]), dtype="<" + track["kind"])
+    return array.reshape(track["shape"])
+
+
+def test_the_rate_is_that_of_the_last_second(monkeypatch):
+    clock = iter(np.arange(0.0, 1e3, 0.05))
+    monkeypatch.setattr(view_module, "perf_counter", lambda: float(next(clock)))
+    robot = mm.load_robot("youbot")
+    live, still = LiveRun(robot, "circle", duration=3.0, speed=None), np.zeros(5)
+    times = [*np.arange(0.0, 0.5, 0.05), *np.arange(0.5, 1.5, 0.02)]  # first in time, then at 0.4
+    rates = []
+    for t in times:
+        live.observe(float(t), robot.q_rest, still, still)
+        rates.append(json.loads(live.frames(float(t) - 1e-9))["rate"])
+    assert rates[0] is None
+    assert rates[1:10] == pytest.approx([1.0] * 9)
+    assert rates[-1] == pytest.approx(0.4)
+    assert 0.4 < rates[15] < 1.0
 
 
 @pytest.mark.parametrize("speed", [1.0, 2.0])

@@ -343,7 +343,7 @@ class App {
       keys[event.key]();
       event.preventDefault();
     });
-    if (motion && window.innerWidth < 720) document.body.classList.add("closed");
+    if (window.innerWidth < 720 && (motion || window.innerHeight < 640)) document.body.classList.add("closed");
     this.fold(window.innerWidth < 720 || window.innerHeight < 640);
     this.setDuration();
     this.sliders = [];
@@ -353,7 +353,18 @@ class App {
   // The clock is the run's own while it goes.
   setDuration() {
     byId("time").max = this.scene.duration;
-    for (const id of ["time", "play", "speed"]) byId(id).disabled = this.live;
+    for (const id of ["time", "play"]) byId(id).disabled = this.live;
+    byId("speed").hidden = this.live;
+    byId("rate").hidden = !this.live;
+  }
+
+  // Simulated seconds a second, and their share of those that were asked for.
+  setRate(rate) {
+    const [meter, output] = byId("rate").children;
+    const { live_speed: asked } = this.scene;
+    meter.hidden = !asked;
+    if (asked) meter.value = rate / asked;
+    output.textContent = `${Number(rate.toPrecision(2))}× real time`;
   }
 
   addSliders(run) {
@@ -391,11 +402,12 @@ class App {
   }
 
   // More frames; or, when it has ended, all of the run.
-  take({ motion, ended, info, error_decades: decades }) {
+  take({ motion, ended, info, rate, error_decades: decades }) {
     const [run] = this.runs;
     const { scene } = this;
     scene.error_decades = decades || scene.error_decades;
     run.description.info = info || run.info;
+    if (rate) this.setRate(rate);
     if (motion) {
       if (ended) run.motion = new Motion(motion);
       else run.motion.extend(new Motion(motion));

@@ -129,6 +129,19 @@ def test_package_paths_are_kept(run, tmp_path):
     assert tomllib.loads((tmp_path / "r.toml").read_text())["urdf"]["packages"] == ["packages"]
 
 
+def test_missing_meshes_are_told_with_the_option_that_finds_them(run, urdf, tmp_path):
+    mesh = '<visual><geometry><mesh filename="package://body/base.stl"/></geometry></visual></link>'
+    urdf.write_text(urdf.read_text().replace("</link>", mesh, 1))
+    told = json.loads(run(urdf, "--json", "-o", tmp_path / "r.toml").output)["warnings"]
+    (warning,) = [text for text in told if "meshes" in text]
+    assert "1 of 1 meshes are missing, 'package://body/base.stl'" in warning
+    assert "--package-path" in warning
+    (tmp_path / "packages" / "body").mkdir(parents=True)
+    (tmp_path / "packages" / "body" / "base.stl").touch()
+    found = ("--package-path", tmp_path / "packages", "--json", "-o", tmp_path / "found.toml")
+    assert "meshes" not in " ".join(json.loads(run(urdf, *found).output)["warnings"])
+
+
 def test_licence_of_the_package(run, tmp_path):
     (tmp_path / "package.xml").write_text("<package><license>Apache 2.0</license></package>")
     (tmp_path / "urdf").mkdir()
