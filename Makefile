@@ -14,7 +14,7 @@ PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # The results of the suite, which may be a name or a file.
 OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 
-.PHONY: bench test test-slow speed lint format claims pictures browser clean help
+.PHONY: bench test test-slow nightly speed lint format claims pictures browser clean help
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -31,6 +31,8 @@ test: lint ## set up with test extras, run lint, types and tests
 
 test-slow: $(VENV)/installed-test ## the longer studies among the tests
 	$(PYTEST) -m slow
+
+nightly: test test-slow ## every test, and the longer studies: 500 made robots among them
 
 speed: $(VENV)/installed-speed ## measure what a tick costs, and Pinocchio, Pink and MuJoCo with it (ten minutes)
 	$(BIN)/python benchmarks/speed.py $(OPTIONS) -o $(RESULTS)/speed

@@ -198,6 +198,12 @@ def test_slow_runs_the_slow_ones_alone(checkout):
     assert "1 passed" in last
 
 
+def test_nightly_runs_every_test(checkout):
+    said = checkout.make("nightly", "--dry-run")
+    assert said.count("pytest -n auto") == 2
+    assert "-m slow" in said.strip().splitlines()[-1]
+
+
 def test_lint_finds_what_format_mends(tmp_path):
     checkout = Checkout(tmp_path)
     bad = tmp_path / "bad.py"

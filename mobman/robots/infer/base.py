@@ -38,7 +38,6 @@ def find_drive(
     tree: Tree,
     wheels: list[Rolling],
     options: Options,
-    ignored: set[str],
     arms: Array,
     hint: str,
 ) -> Drive:
@@ -48,7 +47,6 @@ def find_drive(
         tree: The robot.
         wheels: All that rolls on the ground.
         options: Facts that the user gives.
-        ignored: Virtual joints in front of the base.
         arms: The ends of arms and heads with all joints at zero (m), shape (n, 3).
         hint: Evidence of mecanum wheels beyond their names; empty if there is none.
 
@@ -56,7 +54,7 @@ def find_drive(
         Undecided: If it takes an option.
     """
     if options.right_wheels or options.left_wheels or options.wheels:
-        drive = _named(tree, options, ignored)
+        drive = _named(tree, options)
     elif options.platform is not None and options.without_wheels(options.platform):
         drive = Drive(Inferred(options.platform, "as asked for"))
         for one, other in pairs_of(_driven_wheels(wheels)[0])[:1]:  # where forward and the axle are
@@ -69,10 +67,10 @@ def find_drive(
     return drive
 
 
-def _named(tree: Tree, options: Options, ignored: set[str]) -> Drive:
+def _named(tree: Tree, options: Options) -> Drive:
     """The platform of the wheels that the user names."""
     right, left, wheels = (
-        [as_wheel(tree, j, ignored) for j in _joints(tree, names, option, " of the URDF; it")]
+        [as_wheel(tree, j) for j in _joints(tree, names, option, " of the URDF; it")]
         for names, option in (
             (options.right_wheels, "--right-wheel"),
             (options.left_wheels, "--left-wheel"),
@@ -112,7 +110,7 @@ def _named(tree: Tree, options: Options, ignored: set[str]) -> Drive:
     if "steering" in fields:
         if not steering:
             raise Undecided(f"{kind}: name --steering; candidates: {names_of(tree.movable)}")
-        drive.front = _steered_wheels(steering, rolling_wheels(tree, ignored))
+        drive.front = _steered_wheels(steering, rolling_wheels(tree)[0])
     return drive
 
 
@@ -133,8 +131,11 @@ def _recognised(tree: Tree, wheels: list[Rolling], options: Options, hint: str) 
     asked_for = options.fields(asked) if asked is not None else ()
     sliding = "wheels" in asked_for
     modules = [w for w in wheels if _is_module(w)]
+    straight = [w for w in wheels if w.turning is None and not w.says(CASTER)]
     if (sliding and "steering" in asked_for) or (
-        asked is None and len({w.turning for w in modules}) >= 2 and not pairs_of(driven)
+        asked is None
+        and len({w.turning for w in modules}) >= 2
+        and not (straight or pairs_of(driven))
     ):
         return _swerve(tree, asked or "swerve", modules, options)
     steered = [w for w in wheels if w.steering is not None and w not in driven]
@@ -144,8 +145,10 @@ def _recognised(tree: Tree, wheels: list[Rolling], options: Options, hint: str) 
     crooked = len(driven) >= 3 and not _all_parallel(driven)
     if sliding or (asked is None and crooked):
         return _omnidirectional(asked or "omnidirectional", driven, hint)
-    if asked is None and not wheels and hint:
-        why = f"the URDF says {hint}, and has no wheel joints"
+    slides = [joint.name for joint in tree.virtual if joint.prismatic]
+    if asked is None and not wheels and (hint or len(slides) == 2):
+        says_so = hint or f"{' and '.join(slides)} in front of the base"
+        why = f"the URDF says {says_so}, and has no wheel joints"
         return Drive(
             Inferred("planar", why),
             uncertain=[f"the base is taken as planar, without wheels: {why}"],
@@ -220,8 +223,8 @@ def _of_pairs(
 
 def _no_platform(tree: Tree, wheels: list[Rolling]) -> str:
     """The question that is left where no wheels drive."""
-    turned = [w for w in wheels if w.swivel is not None or w.steering is not None]
-    if turned:
+    turned = [w for w in wheels if w.turning is not None]
+    if turned and len(turned) == len(wheels):
         joints = dict.fromkeys(j.name for w in turned for j in (w.swivel, w.steering) if j)
         sliding = naming = ""
         if _mecanum_fits(_one_each(wheels)):
@@ -293,7 +296,8 @@ def _around(swivel: Joint, one: Rolling, other: Rolling) -> bool:
     track = other.joint.centre[:2] - one.joint.centre[:2]
     middle = 0.5 * (other.joint.centre[:2] + one.joint.centre[:2])
     off = float(abs((swivel.centre[:2] - middle) @ track) / (track @ track))
-    return off < _BETWEEN and float(np.linalg.norm(track)) > 2.0 * (one.radius or 0.0)
+    wide, radius = float(np.linalg.norm(track)), one.radius or 0.0
+    return off < _BETWEEN and (wide > 2.0 * radius or radius > wide)  # or in another unit
 
 
 def _turret(one: Rolling, other: Rolling) -> Joint | None:

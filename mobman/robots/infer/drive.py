@@ -101,8 +101,15 @@ class Drive:
         """Half the distance of right and left wheels (m)."""
         if not self.right:
             return None
-        sides = [[w.joint.centre[:2] for w in side] for side in (self.right, self.left)]
+        sides = [[w.middle[:2] for w in side] for side in (self.right, self.left)]
         return 0.5 * float(np.mean((np.array(sides[1]) - sides[0]) @ self.forward.left))
+
+    @property
+    def beside(self) -> float:
+        """How far the tyres that drive are from the frames of their joints, along their axes (m)."""
+        return max(
+            (float(np.linalg.norm(w.middle - w.joint.centre)) for w in self.driven), default=0.0
+        )
 
     @property
     def centre(self) -> Array | None:
@@ -129,6 +136,11 @@ class Drive:
                 said.append(
                     f"{one.name} and {other.name} are {1e3 * off:.3g} mm from one axle; taken as on one"
                 )
+        if self.wheels and self.rolling and self.beside > _ROUNDED[1]:
+            said.append(
+                f"the tyres are {1e3 * self.beside:.3g} mm beside the frames of their joints, which are "
+                "taken as their places"
+            )
         return said
 
 

@@ -10,14 +10,15 @@ from typing import Any
 from mobman.errors import UsageError
 
 TYPES: dict[str, tuple[str, ...]] = {
-    "differential": ("heading", "right_wheel", "left_wheel", "wheel_radius"),
-    "skid-steer": ("heading", "right_wheels", "left_wheels", "wheel_radius"),
+    "differential": ("heading", "right_wheel", "left_wheel", "wheel_radius", "half_track"),
+    "skid-steer": ("heading", "right_wheels", "left_wheels", "wheel_radius", "half_track"),
     "omnidirectional": ("heading", "kind", "wheels", "wheel_radius"),
     "car-like": (
         "heading", "rear_right_wheel", "rear_left_wheel", "steering", "front_wheels", "wheel_radius",
+        "half_track",
     ),
     "swerve": ("heading", "steering", "wheels", "wheel_radius"),
-    "turret": ("heading", "turret", "right_wheel", "left_wheel", "wheel_radius"),
+    "turret": ("heading", "turret", "right_wheel", "left_wheel", "wheel_radius", "half_track"),
     "unicycle": ("heading", "axle", "height"),
     "planar": ("heading", "centre", "height"),
     "fixed": (),

@@ -23,6 +23,7 @@ from mobman.robots.infer.arm import (
 from mobman.robots.infer.base import find_drive
 from mobman.robots.infer.drive import Drive
 from mobman.robots.infer.findings import (
+    FOOTPRINT,
     MECANUM,
     PLANAR_DRIVE,
     Inferred,
@@ -34,12 +35,11 @@ from mobman.robots.infer.findings import (
 )
 from mobman.robots.infer.kinematics import (
     Chain,
-    Joint,
     Tree,
     followers,
     held,
     lost_to_mimics,
-    virtual_joints,
+    names_of,
 )
 from mobman.robots.infer.wheels import (
     footprint,
@@ -53,6 +53,7 @@ from mobman.robots.urdf.compose import TRAVEL_JOINTS
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, bounds
 
+_EXACT = 5e-4  # m
 _NO_CURVATURE = 0.001  # weight of the curvature of a swerve platform's path
 _AXES = ("y", "-y", "x", "-x", "z")  # of a root link, the likeliest first
 
@@ -103,6 +104,7 @@ class Inference:
             "heading": drive.forward.heading,
             "tip": self.arm.tip.value,
             "arm_joints": [joint.name for joint in self.arm.joints],
+            "reach": self.arm.reach,
             "following": list(self.following),
             "locked": [joint for lock in self.locks for joint in lock.joints],
             "rest": {joint: value.value for joint, value in self.rest.items()},
@@ -118,23 +120,25 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     """
     robot = urdf.parse()
     tree = Tree(robot, urdf)
-    virtual = virtual_joints(tree)
-    ignored = {joint.name for joint in virtual}
-    wheels = rolling_wheels(tree, ignored)
+    wheels, high = rolling_wheels(tree)
     questions: list[str] = []
-    taken = ignored | {joint.name for wheel in wheels for joint in wheel.joints}
+    taken = {joint.name for wheel in wheels for joint in wheel.joints}
     ends = [tree.position[end.child] for end in Branches(tree, taken).ends]
     drive, radius, uncertain = None, None, list[str]()
     try:
         arms = np.array(ends).reshape(-1, 3)
-        drive = find_drive(tree, wheels, options, ignored, arms, _hint(robot))
+        drive = find_drive(tree, wheels, options, arms, _hint(robot))
+        # on wheels that it has in the air, or on none, it may stand if it is turned
+        turns = (high or not wheels) and options.platform is None
+        if turns and (side := _lies_on_its_side(urdf, len(wheels))):
+            raise Undecided(side)
         uncertain += drive.uncertain
         if drive.rolling:
             others = [wheel for wheel in wheels if wheel.name not in drive.own]
             radius, doubts = settle_radius(tree, drive.driven, others, options)
             uncertain += doubts
     except Undecided as error:
-        side = "" if wheels else _lies_on_its_side(urdf)
+        side = "" if wheels else _lies_on_its_side(urdf, 0)
         questions.append(side or str(error))
     if drive is not None:
         taken |= drive.own | {name for lock in drive.locks for name in lock.joints}
@@ -151,12 +155,16 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         left = f" (xacro did not expand {', '.join(calls)})" if calls else ""
         raise Undecided(f"{urdf.path}: {'; and '.join(questions)}{left}")
     free = _free_followers(tree, branches, arm, drive.own | set(locked_by_user))
-    locks = _locks(tree, virtual, drive, branches, arm, locked_by_user, free)
+    locks = _locks(tree, drive, branches, arm, locked_by_user, free)
     ground = _ground(tree, drive, radius)
-    if virtual:
+    if not (drive.driven or drive.type.value == "fixed" or says(FOOTPRINT, ground.why)):
         uncertain.append(
-            f"the virtual joints {', '.join(j.name for j in virtual)} in front of the base are locked: "
-            "the platform takes their place"
+            f"nothing rolls on the ground, so that it is taken as {ground.why} says: platform.height"
+        )
+    if tree.virtual:
+        uncertain.append(
+            f"the virtual joints {names_of(tree.virtual)} in front of the base are locked: the platform "
+            "takes their place"
         )
     uncertain += lost_to_mimics(tree, arm.tip.value, taken | free)
     around = Surroundings(float(ground.value), drive.forward.direction, _box(tree))
@@ -181,7 +189,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     return Inference(
         urdf=urdf,
         robot_name=robot.get("name", ""),
-        joints=tuple(joint.name for joint in tree.movable),
+        joints=tuple(joint.name for joint in (*tree.virtual, *tree.movable)),
         platform=drive,
         fields=_fields(drive, radius, ground, options.fields(drive.type.value)),
         arm=arm,
@@ -203,13 +211,14 @@ def _told(drive: Drive, radius: Inferred | None) -> str:
     )
 
 
-def _lies_on_its_side(urdf: UrdfFile) -> str:
-    """The question where wheels would drive if another axis of the root link pointed up; else empty."""
+def _lies_on_its_side(urdf: UrdfFile, standing: int) -> str:
+    """The question where more wheels than stand would if another axis of the root link pointed up; else
+    empty."""
     turned = ((axis, replace(urdf, up=axis)) for axis in _AXES if axis != urdf.up)
     for axis, file in turned:
         tree = Tree(file.parse(), file)
-        wheels = rolling_wheels(tree, {joint.name for joint in virtual_joints(tree)})
-        for one, other in pairs_of(wheels)[:1]:
+        wheels, _ = rolling_wheels(tree)
+        for one, other in pairs_of(wheels)[: len(wheels) > standing]:
             axle = 0.5 * (one.joint.centre + other.joint.centre)
             if np.mean([place[2] for place in tree.position.values()]) > axle[2]:
                 across = {"x": "z", "y": "z", "z": "y"}[axis[-1]] if urdf.up == "z" else "up"
@@ -234,7 +243,7 @@ def _hint(robot: ET.Element) -> str:
 
 def _matching(tree: Tree, wanted: Sequence[str]) -> tuple[str, ...]:
     """The joints that the user locks."""
-    movable = [joint.name for joint in tree.movable]
+    movable = [joint.name for joint in (*tree.virtual, *tree.movable)]
     found = {pattern: [n for n in movable if fnmatchcase(n, pattern)] for pattern in wanted}
     for pattern, names in found.items():
         if not names:
@@ -252,7 +261,6 @@ def _free_followers(tree: Tree, branches: Branches, arm: Arm, taken: set[str]) -
 
 def _locks(
     tree: Tree,
-    virtual: Sequence[Joint],
     drive: Drive,
     branches: Branches,
     arm: Arm,
@@ -267,7 +275,7 @@ def _locks(
     movable = [joint.name for joint in tree.movable]
     return lock_once(
         {joint.name for joint in arm.joints} | drive.own | free,
-        ([joint.name for joint in virtual], "virtual joints in front of the base"),
+        ([joint.name for joint in tree.virtual], "virtual joints in front of the base"),
         *((lock.joints, lock.why) for lock in drive.locks),
         (by_user, "as asked for"),
         ([name for name in movable if name in branches.fingers], "fingers"),
@@ -314,10 +322,19 @@ def _fields(
         "centre": Inferred(where, f"{what}, on which the commands act"),
         "height": Inferred(round(-ground.value, 5) + 0.0, f"ground: {ground.why}"),
         "wheel_radius": radius,
+        "half_track": _half_track(drive),
     }
     for side, names in (("right", right), ("left", left)):
         facts[f"{side}_wheel"] = facts[f"rear_{side}_wheel"] = Inferred(names[0]) if names else None
     return {name: fact for name in wanted if (fact := facts.get(name)) is not None}
+
+
+def _half_track(drive: Drive) -> Inferred | None:
+    """Half the distance of the tyres (m), where it is not that of their joints."""
+    if drive.half_track is None or drive.beside < _EXACT:
+        return None
+    why = f"of the tyres, {drive.beside:.4g} m beside the frames of their joints"
+    return Inferred(round(drive.half_track, 5), why)
 
 
 def _rest(tree: Tree, arm: Arm, still: set[str], around: Surroundings) -> dict[str, Inferred]:

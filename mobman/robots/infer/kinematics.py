@@ -6,7 +6,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -105,7 +105,9 @@ class Tree:
         root: Name of the root link.
         links: ``<link>`` elements by name.
         joints: In the file's order.
-        movable: Those with a degree of freedom, mimic joints included.
+        virtual: Planar joints in front of the base, which simulators that know no wheels want: to all
+            else they are fixed.
+        movable: The others with a degree of freedom, mimic joints included.
         position: Of each link's frame in the root's (m), by name.
     """
 
@@ -121,6 +123,10 @@ class Tree:
         self._places = {name: data.oMf[frame_of(self.model, name)].copy() for name in self.links}
         self.position = {name: place.translation for name, place in self._places.items()}
         self.joints = [self._joint(joint, data) for joint in robot.findall("joint")]
+        self.virtual = self._virtual()
+        names = {joint.name for joint in self.virtual}
+        self.joints = [replace(j, kind="fixed") if j.name in names else j for j in self.joints]
+        self.__dict__.pop("_children", None)
         self.movable = [joint for joint in self.joints if joint.movable]
         self._above = {joint.child: joint for joint in self.joints}
         self._shapes: dict[tuple[str, Use], list[Shape]] = {}
@@ -148,6 +154,23 @@ class Tree:
             centre=self.position[child],
             axis=np.array(axis),
         )
+
+    def _virtual(self) -> list[Joint]:
+        """The planar joints (x, y, turning) between the root and the platform's first real link.
+
+        They follow each other, nothing branches off, and the links between them are bare.
+        """
+        found: list[Joint] = []
+        link = self.root
+        while len(following := self.next_joints(link)) == 1:
+            (joint,) = following
+            bodies = (self.links[name].find(use) for name in self.rigid(link) for use in USES)
+            planar = joint.horizontal if joint.prismatic else joint.swivels
+            if not planar or any(body is not None for body in bodies):
+                break
+            found.append(joint)
+            link = joint.child
+        return found if len({joint.prismatic for joint in found}) == 2 else []
 
     def joint(self, name: str) -> Joint | None:
         """The movable joint of a name; None if there is none."""
@@ -220,25 +243,6 @@ def _bound(limit: float) -> float:
 def names_of(joints: Iterable[Joint]) -> str:
     """The names of joints, for messages."""
     return ", ".join(joint.name for joint in joints) or "none"
-
-
-def virtual_joints(tree: Tree) -> list[Joint]:
-    """The planar joints (x, y, turning) between the root and the platform's first real link.
-
-    Simulators that know no wheels want them. They follow each other, nothing branches off, and the
-    links between them are bare.
-    """
-    found: list[Joint] = []
-    link = tree.root
-    while len(following := tree.next_joints(link)) == 1:
-        (joint,) = following
-        bodies = (tree.links[name].find(use) for name in tree.rigid(link) for use in USES)
-        planar = joint.horizontal if joint.prismatic else joint.swivels
-        if not planar or any(body is not None for body in bodies):
-            break
-        found.append(joint)
-        link = joint.child
-    return found if len({joint.prismatic for joint in found}) == 2 else []
 
 
 def followed(tree: Tree, joint: Joint) -> Follows:

@@ -20,8 +20,8 @@ from mobman.robots.infer.findings import (
     Undecided,
     says,
 )
-from mobman.robots.infer.kinematics import Joint, Tree, names_of
-from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about
+from mobman.robots.infer.kinematics import Joint, Tree, followed, names_of
+from mobman.robots.urdf.shapes import USES, Shape, Use, extent_about, radius_about
 
 SAME_PLACE = 0.01  # m; between two wheels of one axle, along and above
 SAME_RADIUS = 0.002  # m
@@ -47,6 +47,8 @@ class Rolling:
     Attributes:
         joint: Its joint.
         collision, visual: The radius that its geometry has (m).
+        middle: Of its tyre, on its axis in the root link's frame (m), shape (3,): the joint's own place
+            unless geometry says otherwise.
         swivel: The joint that lets it turn about the vertical freely.
         steering: The joint that steers it.
         suspension: Joints between it and the base with little travel.
@@ -57,6 +59,7 @@ class Rolling:
     joint: Joint
     collision: Inferred | None
     visual: Inferred | None
+    middle: Array
     swivel: Joint | None
     steering: Joint | None
     suspension: tuple[Joint, ...]
@@ -106,34 +109,39 @@ class Rolling:
         return abs(float(self.across @ other.across)) > _PARALLEL
 
 
-def rolling_wheels(tree: Tree, ignored: set[str]) -> list[Rolling]:
-    """All wheels on the ground, in the file's order: driven ones, steered ones and casters.
+def rolling_wheels(tree: Tree) -> tuple[list[Rolling], list[Rolling]]:
+    """All wheels on the ground, in the file's order: driven ones, steered ones and casters; and those
+    that are high above it.
 
-    The ignored joints, such as virtual ones in front of the base, count as fixed.
+    A mimic joint is a wheel if the joint that it follows is one.
     """
-    found = []
+    found: dict[str, Rolling] = {}
     for joint in tree.movable:
-        above = [j for j in tree.chain(joint.parent) if j.name not in ignored]
+        above = tree.chain(joint.parent)
         if (
-            joint.name not in ignored
-            and not (joint.follows or joint.prismatic)
+            not joint.prismatic
             and joint.horizontal
             and (joint.endless or says(WHEEL, joint.name, joint.child))
             and _carries_nothing(tree, joint)
             and len(above) <= _FEW_JOINTS
             and all(j.vertical or _suspends(j) for j in above)
         ):
-            found.append(as_wheel(tree, joint, ignored))
-    return _on_ground(found)
+            found[joint.name] = as_wheel(tree, joint)
+    wheels = [w for w in found.values() if followed(tree, w.joint).joint in found]
+    low = _on_ground(wheels)
+    return low, [w for w in wheels if w not in low]
 
 
-def as_wheel(tree: Tree, joint: Joint, ignored: set[str]) -> Rolling:
+def as_wheel(tree: Tree, joint: Joint) -> Rolling:
     """A joint that is said to be a wheel."""
-    above = [j for j in tree.chain(joint.parent) if j.name not in ignored]
+    above = tree.chain(joint.parent)
+    collision, visual = (_radius(tree, joint, use) for use in ("collision", "visual"))
+    tyre = (collision or visual or (None, None))[1]
     return Rolling(
         joint=joint,
-        collision=_radius(tree, joint, "collision"),
-        visual=_radius(tree, joint, "visual"),
+        collision=collision and collision[0],
+        visual=visual and visual[0],
+        middle=joint.centre + (0.0 if tyre is None else _beside(tyre, joint)) * joint.axis,
         swivel=next((j for j in above if j.swivels), None),
         steering=next((j for j in above if j.steers and not _suspends(j)), None),
         suspension=tuple(j for j in above if _suspends(j)),
@@ -201,15 +209,26 @@ def _turning(tree: Tree, joint: Joint) -> list[str]:
     return [link for j in (joint, *tree.behind(joint)) for link in tree.rigid(j.child)]
 
 
-def _radius(tree: Tree, joint: Joint, use: Use) -> Inferred | None:
-    """The radius that the collision or the visual geometry behind a joint has about its axis.
+def _beside(tyre: Shape, joint: Joint) -> float:
+    """Distance of a tyre's middle from its joint along the axis (m).
+
+    A mesh has hubs and covers: its middle counts only where the joint lies beside all of it.
+    """
+    at = float(joint.centre @ joint.axis)
+    low, high = -tyre.reach(-joint.axis) - at, tyre.reach(joint.axis) - at
+    return 0.5 * (low + high) if tyre.kind != "mesh" or max(low, -high) > _LEAST else 0.0
+
+
+def _radius(tree: Tree, joint: Joint, use: Use) -> tuple[Inferred, Shape | None] | None:
+    """The radius that the collision or the visual geometry behind a joint has about its axis, and the
+    shape that has it (None: several together).
 
     None if there is none, or if some of its meshes are missing: what is left may be the hub only.
     """
     shapes = [(link, shape) for link in _turning(tree, joint) for shape in tree.shapes(link, use)]
     complete = all(shape.known for _, shape in shapes)
-    found = [
-        Inferred(value, f"{use} {shape.kind} of {link}")
+    found: list[tuple[Inferred, Shape | None]] = [
+        (Inferred(value, f"{use} {shape.kind} of {link}"), shape)
         for link, shape in sorted(shapes, key=lambda entry: entry[1].kind == "mesh")
         if (complete or shape.kind != "mesh")
         and (value := radius_about(shape, joint.centre, joint.axis)) is not None
@@ -217,8 +236,9 @@ def _radius(tree: Tree, joint: Joint, use: Use) -> Inferred | None:
     if any(tree.behind(joint)) and shapes and complete:  # rollers: round together only
         together = extent_about([shape for _, shape in shapes], joint.centre, joint.axis)
         if together is not None:
-            found.append(Inferred(together, f"{use} geometry of {joint.child} and its rollers"))
-    return max(found, key=lambda radius: float(radius.value), default=None)
+            why = f"{use} geometry of {joint.child} and its rollers"
+            found.append((Inferred(together, why), None))
+    return max(found, key=lambda radius: float(radius[0].value), default=None)
 
 
 def footprint(tree: Tree, below: float) -> Inferred | None:
@@ -306,7 +326,7 @@ def settle_radius(
         unit = "; is its mesh in millimetres? Then give it scale 0.001" if "mesh" in why else ""
         raise Undecided(
             f"the wheels' radius would be {value:.4g} m ({why}), but {than}{unit}: correct the URDF, or "
-            "give --wheel-radius (m)"
+            "give --wheel-radius (m) and --force"
         )
     for other in sources:
         if other is not taken and abs(other.value - taken.value) > SAME_RADIUS:
@@ -380,7 +400,7 @@ def _faults(tree: Tree, one: Joint, other: Joint) -> tuple[list[str], bool] | No
         faults.append(f"one is {ahead:.3g} m ahead of the other")
     if angle > _ALIKE:
         faults.append(f"their axes are {angle:.3g} rad apart")
-    radii = [radius for j in both if (radius := as_wheel(tree, j, set()).radius) is not None]
+    radii = [radius for j in both if (radius := as_wheel(tree, j).radius) is not None]
     if len(radii) == 2 and abs(radii[0] - radii[1]) > SAME_RADIUS:
         faults.append(f"their radii differ ({radii[0]:.4g} and {radii[1]:.4g} m)")
     casters = [

@@ -138,7 +138,11 @@ def robot_toml(
     if mounted:
         toml["mount"] = mounted
     platform = _table(toml, "platform", {"type": drive.type, **found.fields})
-    if drive.rolling and (half := drive.half_track) is not None:
+    if (
+        "half_track" not in found.fields
+        and drive.rolling
+        and (half := drive.half_track) is not None
+    ):
         _say(platform, f"half_track: half the distance of the wheels' centres is {half:.4f} m")
     if drive.steering and drive.right and drive.centre is not None:
         ahead = drive.steering[0].centre[:2] - drive.centre[:2]
