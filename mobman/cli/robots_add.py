@@ -138,9 +138,9 @@ def add(
 ) -> None:
     """Write the TOML of a robot from its URDF: wheels, radius, arm, rest posture.
 
-    URDF is a file of URDF or xacro, a folder or a ZIP archive with one, - for the standard input, or a
-    name of the package robot_descriptions. Each value has a comment that says why it was taken. What the
-    URDF does not tell is asked for.
+    URDF is a file of URDF, xacro, MJCF or SDF, a folder or a ZIP archive with one, - for the standard
+    input, or a name of the package robot_descriptions. Each value has a comment that says why it was
+    taken. What the URDF does not tell is asked for.
     """
     from mobman.robots.incoming.describe import OnLink, describe
     from mobman.robots.infer.write import with_platform_weights

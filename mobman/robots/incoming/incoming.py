@@ -15,12 +15,12 @@ from pathlib import Path, PurePosixPath
 from mobman.errors import MobmanError, SpecError, UsageError
 from mobman.files import write_whole
 from mobman.input_file import read_input
-from mobman.robots.incoming import described, mujoco_model, xacro_file
+from mobman.robots.incoming import described, mujoco_model, sdf_file, xacro_file
 from mobman.robots.places import made_folder
 from mobman.robots.urdf.read import MEGABYTES, parse_xml
 from mobman.robots.urdf.validate import listed
 
-URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".mjcf", ".zip")
+URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".zip")
 """Endings of files that describe a robot without a TOML."""
 
 _ADDRESS = re.compile(r"(?!file:)[A-Za-z][A-Za-z0-9+.-]*://|git@|www\.")
@@ -57,8 +57,8 @@ def incoming(
     """A URDF of what a user names.
 
     Args:
-        source: A URDF, xacro or MJCF file, a folder or a ZIP archive with one, a pipe, ``"-"`` for the
-            standard input, or a name of the package robot_descriptions.
+        source: A URDF, xacro, MJCF or SDF file, a folder or a ZIP archive with one, a pipe, ``"-"`` for
+            the standard input, or a name of the package robot_descriptions.
         packages: Folders that hold packages of ``$(find NAME)`` and ``package://NAME/...``.
         arguments: Values of xacro's arguments.
 
@@ -130,6 +130,10 @@ def _of_content(
         text, said, files = mujoco_model.urdf_of(content, beside)
         kept = keep_urdf(name, text.encode(), files)
         return Incoming(kept, packages, True, tuple(said), path)
+    if root.tag == "sdf":
+        text, said = sdf_file.urdf_of(root, where.replace("URDF", "SDF file"))
+        found = (*packages, beside.parent, *beside.parent.parents)
+        return Incoming(keep_urdf(name, text.encode()), found, True, tuple(said), path)
     if root.tag == "robot" and xacro_file.is_xacro(root):
         text, said = xacro_file.expanded(content, beside, packages, dict(arguments or {}))
         found = (*packages, beside.parent, *beside.parent.parents)

@@ -16,6 +16,13 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import MobmanError, SpecError, UsageError
 from mobman.isolation import helper
+from mobman.robots.incoming.elements import (
+    add_dynamics,
+    add_inertial,
+    add_joint,
+    add_shape,
+    text_of,
+)
 from mobman.robots.urdf.validate import listed
 
 _SECONDS, _MEGABYTES = 60.0, 2000.0
@@ -154,7 +161,7 @@ class _Conversion:
             if model.site_bodyid[site] == body:
                 at = _pose(model.site_pos[site] - frame, model.site_quat[site])
                 own = self._link(self._name("site", site))
-                self._joint(f"{own}_fixed", "fixed", link, own, at)
+                add_joint(self.robot, f"{own}_fixed", "fixed", link, own, at)
 
     def _chain(self, body: int, name: str, hinges: Sequence[int]) -> tuple[str, Array]:
         """Links and joints from a body's parent to the body."""
@@ -166,12 +173,13 @@ class _Conversion:
             own, at = self._name("joint", joint), np.array(model.jnt_pos[joint])
             last = i == len(hinges) - 1
             child = self._link(name if last else f"{name}__{own}")
-            element = self._joint(own, self._kind(joint), link, child, place * _pose(at - frame))
+            at_joint = place * _pose(at - frame)
+            element = add_joint(self.robot, own, self._kind(joint), link, child, at_joint)
             self._add_motion(element, joint)
             link, frame, place = child, at, pin.SE3.Identity()
         if not hinges:
             child = self._link(name)
-            self._joint(f"{child}_fixed", "fixed", link, child, place)
+            add_joint(self.robot, f"{child}_fixed", "fixed", link, child, place)
             link = child
         return link, frame
 
@@ -180,16 +188,9 @@ class _Conversion:
             return "prismatic"
         return "revolute" if self._model.jnt_limited[joint] else "continuous"
 
-    def _joint(self, name: str, kind: str, parent: str, child: str, place: pin.SE3) -> ET.Element:
-        joint = ET.SubElement(self.robot, "joint", name=name, type=kind)
-        ET.SubElement(joint, "parent", link=parent)
-        ET.SubElement(joint, "child", link=child)
-        joint.append(_origin(place))
-        return joint
-
     def _add_motion(self, element: ET.Element, joint: int) -> None:
         model, dof = self._model, int(self._model.jnt_dofadr[joint])
-        ET.SubElement(element, "axis", xyz=_text(model.jnt_axis[joint]))
+        ET.SubElement(element, "axis", xyz=text_of(model.jnt_axis[joint]))
         limit = {"effort": repr(self._effort(joint)), "velocity": "inf"}
         if element.get("type") != "continuous":
             bounds = np.array([-np.inf, np.inf])
@@ -199,9 +200,7 @@ class _Conversion:
             limit |= {"lower": repr(float(bounds[0])), "upper": repr(float(bounds[1]))}
         ET.SubElement(element, "limit", limit)
         damping = float(np.ravel(model.dof_damping[dof])[0])
-        given = {"damping": damping, "friction": float(model.dof_frictionloss[dof])}
-        if any(value > 0.0 for value in given.values()):
-            ET.SubElement(element, "dynamics", {key: repr(v) for key, v in given.items()})
+        add_dynamics(element, damping, float(model.dof_frictionloss[dof]))
         if model.dof_armature[dof] > 0.0:
             self._left_out.setdefault("armature (inertia of a motor)", []).append(
                 self._name("joint", joint)
@@ -232,14 +231,10 @@ class _Conversion:
 
     def _add_inertial(self, link: ET.Element, body: int, frame: Array) -> None:
         model = self._model
-        if model.body_mass[body] <= 0.0:
-            return
-        element = ET.SubElement(link, "inertial")
-        element.append(_origin(_pose(model.body_ipos[body] - frame, model.body_iquat[body])))
-        ET.SubElement(element, "mass", value=repr(float(model.body_mass[body])))
-        moments = dict(zip(("ixx", "iyy", "izz"), model.body_inertia[body], strict=True))
-        moments |= dict.fromkeys(("ixy", "ixz", "iyz"), 0.0)
-        ET.SubElement(element, "inertia", {key: repr(float(v)) for key, v in moments.items()})
+        if model.body_mass[body] > 0.0:
+            at = _pose(model.body_ipos[body] - frame, model.body_iquat[body])
+            moments = np.diag(model.body_inertia[body])
+            add_inertial(link, model.body_mass[body], at, moments)
 
     # Shapes and couplings --------------------------------------------------------------------------
 
@@ -249,28 +244,21 @@ class _Conversion:
         use, kind = ("visual" if seen else "collision"), model.geom_type[geom]
         place = _pose(model.geom_pos[geom] - frame, model.geom_quat[geom])
         size = [float(s) for s in model.geom_size[geom]]
-        shapes: list[tuple[str, dict[str, str], pin.SE3]] = []
         if kind == int(kinds.mjGEOM_BOX):
-            shapes = [("box", {"size": _text([2.0 * s for s in size])}, place)]
+            add_shape(link, use, "box", {"size": text_of([2.0 * s for s in size])}, place)
         elif kind == int(kinds.mjGEOM_SPHERE):
-            shapes = [("sphere", {"radius": repr(size[0])}, place)]
+            add_shape(link, use, "sphere", {"radius": repr(size[0])}, place)
         elif kind in (int(kinds.mjGEOM_CYLINDER), int(kinds.mjGEOM_CAPSULE)):
             tube = {"radius": repr(size[0]), "length": repr(2.0 * size[1])}
-            shapes = [("cylinder", tube, place)]
-            if kind == int(kinds.mjGEOM_CAPSULE):
-                ball = {"radius": repr(size[0])}
-                ends = (_pose(np.array([0.0, 0.0, end])) for end in (-size[1], size[1]))
-                shapes += [("sphere", ball, place * end) for end in ends]
+            shape = "capsule" if kind == int(kinds.mjGEOM_CAPSULE) else "cylinder"
+            add_shape(link, use, shape, tube, place)
         elif kind == int(kinds.mjGEOM_MESH):
-            shapes = [("mesh", {"filename": self._mesh(int(model.geom_dataid[geom]))}, place)]
+            mesh = {"filename": self._mesh(int(model.geom_dataid[geom]))}
+            add_shape(link, use, "mesh", mesh, place)
         else:
             self._left_out.setdefault("ellipsoid, plane, height field or the like", []).append(
                 self._name("geom", geom)
             )
-        for tag, attributes, at in shapes:
-            element = ET.SubElement(link, use)
-            element.append(_origin(at))
-            ET.SubElement(ET.SubElement(element, "geometry"), tag, attributes)
 
     def _mesh(self, mesh: int) -> str:
         """The file of a mesh as MuJoCo has it, with its origin and scale, written as STL."""
@@ -314,12 +302,3 @@ def _pose(position: Array, quaternion: Array | None = None) -> pin.SE3:
         w, x, y, z = (float(part) for part in quaternion)
         rotation = pin.Quaternion(w, x, y, z).normalized().toRotationMatrix()
     return pin.SE3(rotation, np.array(position, dtype=float))
-
-
-def _origin(place: pin.SE3) -> ET.Element:
-    rpy = pin.rpy.matrixToRpy(place.rotation)
-    return ET.Element("origin", xyz=_text(place.translation), rpy=_text(rpy))
-
-
-def _text(values: Sequence[float] | Array) -> str:
-    return " ".join(repr(float(value)) for value in values)

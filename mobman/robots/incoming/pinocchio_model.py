@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
+from mobman.robots.incoming.elements import add_dynamics, add_inertial, add_joint, text_of
 
 _BASES = ("JointModelFreeFlyer", "JointModelPlanar")
 
@@ -32,7 +33,9 @@ def urdf_of(model: pin.Model) -> str:
     for i, name in enumerate(links):
         link = ET.SubElement(robot, "link", name=name)
         if model.inertias[i].mass > 0.0:
-            _add_inertia(link, model.inertias[i])
+            inertia = model.inertias[i]
+            at = pin.SE3(np.eye(3), inertia.lever)
+            add_inertial(link, inertia.mass, at, inertia.inertia)
     for i in range(1, model.njoints):
         parent, kind = int(model.parents[i]), model.joints[i].shortname()
         if kind in _BASES and parent == 0:
@@ -41,7 +44,7 @@ def urdf_of(model: pin.Model) -> str:
             column = pin.getJointJacobian(model, data, i, pin.ReferenceFrame.LOCAL)
             at = model.joints[i].idx_v
             moves, axis = _motion(model, np.reshape(column, (6, -1))[:, at], i)
-        joint = _joint(robot, names[i], moves, links[parent], links[i], model.jointPlacements[i])
+        joint = add_joint(robot, names[i], moves, links[parent], links[i], model.jointPlacements[i])
         if axis.size:
             _add_limits(joint, model, i, moves, axis)
     for frame in model.frames:
@@ -49,7 +52,9 @@ def urdf_of(model: pin.Model) -> str:
             taken.add(frame.name)
             ET.SubElement(robot, "link", name=str(frame.name))
             where = links[int(frame.parentJoint)]
-            _joint(robot, f"{frame.name}_fixed", "fixed", where, str(frame.name), frame.placement)
+            add_joint(
+                robot, f"{frame.name}_fixed", "fixed", where, str(frame.name), frame.placement
+            )
     return ET.tostring(robot, encoding="unicode")
 
 
@@ -87,28 +92,15 @@ def _motion(model: pin.Model, column: Array, i: int) -> tuple[str, Array]:
     )
 
 
-def _joint(
-    robot: ET.Element, name: str, kind: str, parent: str, child: str, place: pin.SE3
-) -> ET.Element:
-    joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    rpy = pin.rpy.matrixToRpy(place.rotation)
-    ET.SubElement(joint, "origin", xyz=_text(place.translation), rpy=_text(rpy))
-    return joint
-
-
 def _add_limits(joint: ET.Element, model: pin.Model, i: int, kind: str, axis: Array) -> None:
     q, v = model.joints[i].idx_q, model.joints[i].idx_v
-    ET.SubElement(joint, "axis", xyz=_text(axis))
+    ET.SubElement(joint, "axis", xyz=text_of(axis))
     limit = {"effort": _limit(model.effortLimit[v]), "velocity": _limit(model.velocityLimit[v])}
     if kind != "continuous":
         limit["lower"] = _limit(model.lowerPositionLimit[q])
         limit["upper"] = _limit(model.upperPositionLimit[q])
     ET.SubElement(joint, "limit", limit)
-    given = {"damping": float(model.damping[v]), "friction": float(model.friction[v])}
-    if any(value > 0.0 for value in given.values()):
-        ET.SubElement(joint, "dynamics", {key: repr(value) for key, value in given.items()})
+    add_dynamics(joint, float(model.damping[v]), float(model.friction[v]))
 
 
 def _limit(value: float) -> str:
@@ -117,23 +109,3 @@ def _limit(value: float) -> str:
     if abs(value) > 1e15:
         value = np.copysign(np.inf, value)
     return repr(float(value))
-
-
-def _add_inertia(link: ET.Element, inertia: pin.Inertia) -> None:
-    element = ET.SubElement(link, "inertial")
-    ET.SubElement(element, "origin", xyz=_text(inertia.lever), rpy="0 0 0")
-    ET.SubElement(element, "mass", value=repr(float(inertia.mass)))
-    moments = np.array(inertia.inertia)
-    keys = {
-        "ixx": (0, 0),
-        "ixy": (0, 1),
-        "ixz": (0, 2),
-        "iyy": (1, 1),
-        "iyz": (1, 2),
-        "izz": (2, 2),
-    }
-    ET.SubElement(element, "inertia", {key: repr(float(moments[at])) for key, at in keys.items()})
-
-
-def _text(values: Sequence[float] | Array) -> str:
-    return " ".join(repr(float(value)) for value in values)

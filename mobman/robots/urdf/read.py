@@ -34,7 +34,7 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 _CUT_OFF = ("no element found", "unclosed token", "unclosed CDATA section")
 _OTHERS = {
-    "sdf": "an SDF file (Gazebo)",
+    "sdf": "an SDF file (Gazebo), which 'mobman robots add' takes",
     "mujoco": "an MJCF file (MuJoCo)",
     "mujocoinclude": "an MJCF file (MuJoCo)",
     "COLLADA": "a mesh (COLLADA)",
