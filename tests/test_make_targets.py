@@ -159,6 +159,7 @@ def test_bench_writes_results_and_report(results):
     assert len(list((results / "runs").glob("*.h5"))) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("results")
 def test_pictures_draws_what_it_can_and_says_what_it_cannot(checkout, browser_script):
     """The charts need no browser, the views of robots do."""

@@ -23,7 +23,7 @@ def run(tmp_path, *options, **variables):
     done = subprocess.run(
         [
             *(sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *options),
-            *(f"{PICTURES}::test_picture", f"{PICTURES}::test_gif"),
+            *(f"{PICTURES}::test_picture", f"{PICTURES}::test_mp4"),
         ],
         cwd=ROOT,
         env={
@@ -47,6 +47,7 @@ def test_skipped_tests_are_counted_in_the_last_lines(tmp_path):
     assert "2 skipped" in lines[-1]
 
 
+@pytest.mark.slow
 def test_where_a_browser_is_required_its_absence_fails(tmp_path):
     status, lines = run(tmp_path, MOBMAN_REQUIRE_BROWSER="1")
     assert status == 1

@@ -18,7 +18,7 @@ simulation = importlib.import_module("mobman.simulation.simulate")
     ("robot", "law", "scenario"),
     [
         ("youbot", "tsm", "nominal"),
-        ("hunter_ur10", "extended-jacobian", "realistic"),
+        pytest.param("hunter_ur10", "extended-jacobian", "realistic", marks=pytest.mark.slow),
         ("ridgeback_panda", "tsm-inverse-actuation", "disturbed"),
     ],
 )

@@ -143,7 +143,16 @@ def test_hollowed_box_is_closed_and_has_the_volume_that_is_left():
         assert volume == pytest.approx(1.2 * left.mean(), rel=0.02)
 
 
-@pytest.mark.parametrize("name", ["ridgeback_panda", "lekiwi_so101", "ranger_xarm7"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ranger_xarm7",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("ridgeback_panda", "lekiwi_so101")
+        ),
+    ],
+)
 def test_wheels_under_a_plain_body_can_be_seen(name):
     """The sight from outside, along the axle, to the wheel's hub meets nothing of the body."""
     robot = mm.load_robot(name)

@@ -46,6 +46,7 @@ def test_transparent_picture_at_twice_the_size(view, tmp_path):
 
 
 @pytest.mark.usefixtures("browser")
+@pytest.mark.slow
 def test_gif(view, tmp_path):
     with Image.open(view.save(tmp_path / "film.gif", size=SMALL, fps=10.0)) as film:
         assert film.size == SMALL

@@ -133,7 +133,10 @@ def test_wheels_can_be_seen_to_turn(shown):
         assert marked & set(off_axis) or boxes, f"the wheel {wheel.joint} looks round"
 
 
-@pytest.mark.parametrize("name", ["youbot", "tiago", "husky_ur5"])
+@pytest.mark.parametrize(
+    "name",
+    [*(pytest.param(name, marks=pytest.mark.slow) for name in ("youbot", "tiago")), "husky_ur5"],
+)
 def test_picture_shows_the_robot(name, opened, tmp_path):
     """Not blank: the robot takes its part of the picture, with colours of its own. Of primitives, of
     meshes, and of both; drawing without a graphics card takes too long for all robots."""
