@@ -13,13 +13,12 @@ import click
 from mobman.cli.names import complete
 from mobman.cli.output import (
     FOLDER,
-    JSON,
     POSITIVE,
     console,
     echo,
     print_json,
+    reports,
     table,
-    verbosity,
 )
 from mobman.cli.progress import SuiteDisplay, TuningDisplay, interrupted_once
 from mobman.errors import MobmanError
@@ -41,7 +40,7 @@ def bench() -> None:
 
 
 @bench.command("list")
-@JSON
+@reports
 def list_command(as_json: bool) -> None:
     """List the suites."""
     from mobman.benchmark.suite import list_suites, load_suite
@@ -66,7 +65,7 @@ def list_command(as_json: bool) -> None:
 @bench.command("show")
 @click.argument("suite", **complete("suites"))
 @click.option("--runs", "each", is_flag=True, help="List every run.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, with every run.")
+@reports
 def show_command(suite: str, each: bool, as_json: bool) -> None:
     """Show what SUITE (a name or a TOML file) contains, and check all of it; nothing is run."""
     from mobman.benchmark.suite import load_suite
@@ -163,8 +162,7 @@ def _part(
     metavar="S",
     help="Wall time that a run may take (s); the suite's by default.",
 )
-@JSON
-@verbosity
+@reports
 def run_command(
     suite: str,
     output: Path | None,
@@ -277,8 +275,7 @@ def _tell(summary: Summary, as_json: bool, folder: Path) -> None:
     help="Tune these alone; repeatable.  [default: all that have a search space]",
 )
 @click.option("--fresh", is_flag=True, help="Begin again, also where trials are there already.")
-@JSON
-@verbosity
+@reports
 def tune_command(
     suite: str,
     output: Path | None,
@@ -371,8 +368,7 @@ def tune_command(
     "--font-size", "size", type=float, default=8.0, show_default=True, help="Its size (pt)."
 )
 @click.option("--replays", is_flag=True, help="Write a page of each run, FOLDER/replays/ID.html.")
-@JSON
-@verbosity
+@reports
 def report_command(
     folder: Path,
     replays: bool,
@@ -434,8 +430,7 @@ def _write_replay(record: Path, page: Path, instant: float | None) -> None:
     type=FOLDER,
     help="Folder that gets everything; new, or with results of the same suite.",
 )
-@JSON
-@verbosity
+@reports
 def merge_command(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
     """Join FOLDERS of one suite's results into another folder.
 

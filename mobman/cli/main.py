@@ -55,6 +55,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):  # a terminal need not have every character
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    context = None
     try:
         if instruction := os.environ.get(_COMPLETE):
             raise click.exceptions.Exit(_complete(instruction))
@@ -84,12 +85,9 @@ def main() -> None:
     except OSError as error:
         _fail(str(error), 1)
     except BaseException as error:  # a plugin may raise anything, also SystemExit
-        if os.environ.get("MOBMAN_DEBUG"):
+        if level(context) > 0 or os.environ.get("MOBMAN_DEBUG"):
             traceback.print_exc()
-        _fail(
-            f"internal error: {type(error).__name__}: {error} (set MOBMAN_DEBUG=1 for the traceback)",
-            1,
-        )
+        _fail(f"internal error: {type(error).__name__}: {error} (-v prints the traceback)", 1)
 
 
 def _complete(instruction: str) -> int:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
-from mobman.cli.output import JSON, console, print_json, table
+from mobman.cli.output import console, print_json, reports, table
 from mobman.errors import FOREIGN_ERRORS
 
 Facts = dict[str, Any]
@@ -19,6 +20,8 @@ Facts = dict[str, Any]
 def _summary(thing: Any) -> str:
     """The first paragraph of a docstring, in one line."""
     text = " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
+    for markup, plain in ((r":\w+:`([^`]*)`", r"\1"), (r"\\dot (\w)", r"\1'"), (r"\\(\w)", r"\1")):
+        text = re.sub(markup, plain, text)
     return text.replace("``", "").rstrip(":")
 
 
@@ -127,7 +130,7 @@ def _command(kind: str) -> click.Command:
 
     @click.command(kind, help=f"List {about}." + (f" Given by {option}." if option else ""))
     @click.argument("name", required=False, **complete(kind))
-    @JSON
+    @reports
     def command(name: str | None, as_json: bool) -> None:
         names, facts = look()
         if name is not None:
@@ -138,9 +141,12 @@ def _command(kind: str) -> click.Command:
             print_json(found)
             return
         heads = [head for head in ("unit", "better") if found and head in found[0]]
-        rows = [
-            # of several sentences the first
-            [item["name"], *(item[head] for head in heads), item["description"].partition(". ")[0]]
+        rows = [  # of several sentences the first
+            [
+                item["name"],
+                *(item[head] for head in heads),
+                item["description"].partition(". ")[0].rstrip("."),
+            ]
             for item in found
         ]
         # names are listed to be typed: they keep their middle where half of the width is enough

@@ -20,7 +20,6 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 PORT = click.IntRange(0, 65535)
 POSITIVE = click.FloatRange(min=0, min_open=True)
-JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 FORCE = click.option("--force", is_flag=True, help="Replace a file that is there.")
 _LEVEL = "mobman.cli.level"
 _NARROWEST = 16  # characters that are kept of a name
@@ -32,20 +31,26 @@ def _set_level(context: click.Context, parameter: click.Parameter, given: bool) 
 
 
 _FLAG: dict[str, Any] = {"is_flag": True, "expose_value": False, "callback": _set_level}
-_QUIET = click.option(
-    "-q", "--quiet", **_FLAG, help="Print errors alone, and what --json asks for."
+_OPTIONS = (
+    click.option("--json", "as_json", is_flag=True, help="Print JSON."),
+    click.option("-q", "--quiet", **_FLAG, help="Print errors alone, and what --json asks for."),
+    click.option(
+        "-v", "--verbose", **_FLAG, help="Print more, and the traceback of an internal error."
+    ),
 )
-_VERBOSE = click.option("-v", "--verbose", **_FLAG, help="Print more.")
 
 
-def verbosity(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: the options -q and -v, see :func:`level`."""
-    return _QUIET(_VERBOSE(command))
+def reports(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator: the options --json, -q and -v, see :func:`level`."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
 
 
-def level() -> int:
-    """Amount that the running command is to print: -1 errors alone, 0 as usual, 1 more."""
-    context = click.get_current_context(silent=True)
+def level(context: click.Context | None = None) -> int:
+    """Amount that a command, by default the running one, is to print: -1 errors alone, 0 as usual, 1
+    more."""
+    context = context or click.get_current_context(silent=True)
     found: int = 0 if context is None else context.meta.get(_LEVEL, 0)
     return found
 

@@ -138,7 +138,7 @@ class SuiteDisplay(Display):
                 self._failed += outcome.status == "failed"
                 self._ended += outcome.status in ("diverged", "singular")
                 change = {"advance": outcome.run.duration / outcome.run.dt}
-                if not self.live:
+                if not self.live or level() > 0:
                     self.say(
                         f"[{self.there}/{self.asked}] {outcome.run}: {outcome.status}, "
                         f"|e_e| {number(outcome.task_error)} m"
@@ -189,7 +189,7 @@ class TuningDisplay(Display):
         new = step.label not in self._scores
         best = self._scores[step.label] = min(self._scores.get(step.label, score), score)
         self._show()
-        if not self.live:
+        if not self.live or level() > 0:
             self.say(
                 f"[{self._trials}/{controllers * self._plan.trials}] {step.label} · trial "
                 f"{step.number}: {score:.3f}, best {best:.3f}"

@@ -15,7 +15,7 @@ import numpy as np
 from rich.text import Text
 
 from mobman.cli.names import complete
-from mobman.cli.output import JSON, console, echo, number, print_json, table
+from mobman.cli.output import console, echo, number, print_json, reports, table
 from mobman.cli.robots_add import add
 from mobman.errors import MobmanError, UnknownNameError, UsageError
 from mobman.robots.spec import NAME
@@ -33,7 +33,7 @@ _STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 
 
 @click.group(invoke_without_command=True)
-@JSON
+@reports
 @click.pass_context
 def robots(context: click.Context, as_json: bool) -> None:
     """List the robots (arm: joints of the arm; nz: motors), or show, check, add or remove one;
@@ -83,7 +83,7 @@ robots.add_command(add)
 
 @robots.command()
 @click.argument("name", **complete("robots"))
-@JSON
+@reports
 def show(name: str, as_json: bool) -> None:
     """Show the robot NAME (or the TOML file): joints, limits, rest posture, source."""
     content = _details(name)
@@ -175,7 +175,7 @@ def _details(name: str) -> dict[str, Any]:
 
 @robots.command()
 @click.argument("name", **complete("robots"))
-@JSON
+@reports
 def remove(name: str, as_json: bool) -> None:
     """Remove the robot NAME that was added by the user: its TOML, and its copy of the URDF."""
     from mobman.robots.catalogue import list_robots
@@ -209,7 +209,7 @@ def remove(name: str, as_json: bool) -> None:
 
 @robots.command()
 @click.argument("name", **complete("robots"))
-@JSON
+@reports
 def bounds(name: str, as_json: bool) -> None:
     """Compute what the theorems suppose of the robot NAME (or the TOML file): w_1 to w_9, a, A.
 
@@ -266,7 +266,7 @@ def bounds(name: str, as_json: bool) -> None:
 
 @robots.command()
 @click.argument("name")
-@JSON
+@reports
 @click.option("--no-simulation", is_flag=True, help="Leave out the checks that run a closed loop.")
 def check(name: str, as_json: bool, no_simulation: bool) -> None:
     """Check the robot NAME (or the TOML file): masses, limits, geometry, equations, a closed loop.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mobman.cli.output import JSON, POSITIVE, console, print_json
+from mobman.cli.output import POSITIVE, console, print_json, reports
 from mobman.errors import MobmanError, UsageError
 from mobman.files import write_new
 from mobman.robots.infer.findings import TYPES, Options
@@ -121,7 +121,7 @@ def _mounts(
     metavar="FILE",
     help="TOML file to write; by default in the user's folder of robots.",
 )
-@JSON
+@reports
 def add(
     urdf: str,
     name: str | None,

@@ -18,7 +18,6 @@ from mobman.cli.names import complete
 from mobman.cli.output import (
     FILE,
     FORCE,
-    JSON,
     PORT,
     check_new,
     console,
@@ -26,8 +25,8 @@ from mobman.cli.output import (
     level,
     number,
     print_json,
+    reports,
     table,
-    verbosity,
 )
 from mobman.cli.progress import progress_bar
 from mobman.errors import FOREIGN_ERRORS, MobmanError, RecordError
@@ -120,7 +119,7 @@ _SHOWN: dict[str, Any] = {"show_default": True}
 @click.option("-o", "--output", type=FILE, help="HDF5 file for the record (.h5).")
 @FORCE
 @click.option("--all", "everything", is_flag=True, help="Print every metric, with its meaning.")
-@JSON
+@reports
 @click.option(
     "--live", is_flag=True, help="Show it in the browser while it runs, and then until Ctrl-C."
 )
@@ -132,7 +131,6 @@ _SHOWN: dict[str, Any] = {"show_default": True}
 )
 @click.option("--no-browser", is_flag=True, help="With --live: print the address, open no browser.")
 @click.option("--port", type=PORT, help="With --live: port to serve on.")
-@verbosity
 def run(
     robot: str,
     controller: str,
@@ -341,8 +339,7 @@ def _went_well(record: Record) -> bool:
     metavar="FILE.py:NAME",
     help="Python code of a task that is not registered: called with the robot and q0, gives the task.",
 )
-@JSON
-@verbosity
+@reports
 def rerun(
     files: tuple[Path, ...],
     verifies: bool,

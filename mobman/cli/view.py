@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from mobman.cli.names import complete
-from mobman.cli.output import FILE, JSON, PORT, POSITIVE, echo, print_json, verbosity
+from mobman.cli.output import FILE, PORT, POSITIVE, echo, print_json, reports
 from mobman.cli.progress import progress_bar
 from mobman.errors import UsageError
 
@@ -86,8 +86,7 @@ def _pixels(
     show_default=True,
     help="Speed of a film: seconds of the run a second.",
 )
-@JSON
-@verbosity
+@reports
 def view(
     what: tuple[str, ...],
     html: Path | None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -145,17 +146,27 @@ def test_each_shell_gets_its_script(shell, monkeypatch):
     assert "Usage" not in done.stdout
 
 
-def test_bash_completes_with_the_script(tmp_path):
-    """In a shell, with a command of that name on the path."""
+SHELLS = {
+    "bash": 'eval "$(_MOBMAN_COMPLETE=bash_source mobman)"; COMP_WORDS=(mobman run youbot_); '
+    'COMP_CWORD=2; _mobman_completion mobman youbot_ run; echo "${COMPREPLY[@]}"',
+    # outside of its line editor there are no places for the names: they are printed
+    "zsh": "compdef() { :; }; compadd() { print -r -- ${(P)@[-1]} }; "
+    'eval "$(_MOBMAN_COMPLETE=zsh_source mobman)"; words=(mobman run youbot_) CURRENT=3; '
+    "_mobman_completion",
+    "fish": '_MOBMAN_COMPLETE=fish_source mobman | source; complete -C "mobman run youbot_"',
+}
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_shells_complete_with_their_script(shell, tmp_path):
+    """Each itself, with a command of that name on the path."""
+    if shutil.which(shell) is None:
+        pytest.skip(f"there is no {shell}")
     command = tmp_path / "mobman"
     command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m mobman "$@"\n')
     command.chmod(0o755)
-    script = (
-        'eval "$(_MOBMAN_COMPLETE=bash_source mobman)"; COMP_WORDS=(mobman run youbot_); '
-        'COMP_CWORD=2; _mobman_completion mobman youbot_ run; echo "${COMPREPLY[@]}"'
-    )
     done = subprocess.run(
-        ["bash", "-c", script],
+        [shell, "-c", SHELLS[shell]],
         capture_output=True,
         text=True,
         timeout=60,

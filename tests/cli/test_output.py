@@ -7,11 +7,13 @@ import json
 import subprocess
 import sys
 
+import click
 import pytest
 from rich.console import Console
 from support.command_line import mobman
 
 import mobman as mm
+from mobman.cli.main import mobman as group
 from mobman.cli.output import shortened, table
 from mobman.cli.progress import SuiteDisplay, progress_bar
 
@@ -73,6 +75,60 @@ def test_verbose_prints_gains_and_every_metric():
     shown = mobman(*RUN, "-v").stdout
     assert "K_p = 25" in shown
     assert "torque_rate_variation" in shown
+
+
+def commands(command, *above):
+    if isinstance(command, click.Group):
+        for name, one in command.commands.items():
+            yield from commands(one, *above, name)
+    if not isinstance(command, click.Group) or command.invoke_without_command:
+        yield " ".join(above), command
+
+
+@pytest.mark.parametrize("name", [*dict(commands(group))])
+def test_every_command_has_json_and_says_as_much_as_is_asked_for(name):
+    options = {option for p in dict(commands(group))[name].params for option in p.opts}
+    assert {"--json", "-q", "--quiet", "-v", "--verbose"} <= options
+
+
+def test_lists_have_no_markup_and_may_be_quiet():
+    shown = mobman("controllers").stdout
+    assert not set("\\`") & set(shown)
+    assert "sigma = e' + Lambda e" in " ".join(shown.split())
+    assert mobman("controllers", "-q").stdout == ""
+    assert json.loads(mobman("controllers", "-q", "--json").stdout)
+
+
+def test_an_internal_error_has_its_traceback_with_v(monkeypatch):
+    def fault():
+        raise ZeroDivisionError("as bugs do")
+
+    monkeypatch.setattr("mobman.robots.catalogue.list_robots", fault)
+    monkeypatch.delenv("MOBMAN_DEBUG", raising=False)
+    done = mobman("robots")
+    assert (done.returncode, len(done.stderr.splitlines())) == (1, 1)
+    assert "ZeroDivisionError: as bugs do (-v prints the traceback)" in done.stderr
+    assert "Traceback" in mobman("robots", "-v").stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "robots",
+        "robots check --no-simulation turtlebot3_omx",
+        "bench list",
+        "bench show robustness",
+        "controllers tsm",
+        "tasks lissajous",
+        "scenarios realistic",
+        "metrics",
+    ],
+)
+def test_tables_hold_at_80_columns(command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = mobman(*command.split()).stdout.splitlines()
+    assert len(lines) > 5
+    assert max(map(len, lines)) <= 80
 
 
 def test_long_names_lose_their_middle():
