@@ -15,7 +15,9 @@ CODE = '''
 import numpy as np
 from pathlib import Path
 
-from mobman.controllers.protocol import controllers
+from mobman.controllers.baselines import PseudoInverse
+from mobman.model.build import load_robot
+from mobman.model.joint_limits import JointLimitAvoidance
 from mobman.model.platforms.differential import Differential
 from mobman.simulation.metrics import metric
 from mobman.simulation.pieces import Piece
@@ -40,6 +42,30 @@ class TinyPlatform(Differential):
     pass
 
 
+class TinyTerm(JointLimitAvoidance):
+    pass
+
+
+class TinyLaw(PseudoInverse):
+    name = "tiny-law"
+
+
+class Up:
+    def __init__(self, robot, q0, height):
+        self.p_d = robot.tip_pose(q0).translation + [0.0, 0.0, height]
+
+    def desired(self, t):
+        return self.p_d, *np.zeros((3, 3))
+
+
+def up(robot, q0, height: float = 0.1):
+    return Up(robot, q0, height)
+
+
+def tiny_bot():
+    return load_robot("youbot").spec.model_copy(update={"name": "tiny-bot"})
+
+
 @metric("tiny_error", "m", "largest |e_x|")
 def tiny_error(run):
     return np.abs(run.task_error[:, 0]).max()
@@ -61,6 +87,18 @@ tiny-knock = tiny:Knock
 
 [mobman.platforms]
 tiny-base = tiny:TinyPlatform
+
+[mobman.criteria]
+tiny-term = tiny:TinyTerm
+
+[mobman.controllers]
+tiny-law = tiny:TinyLaw
+
+[mobman.tasks]
+tiny-task = tiny:up
+
+[mobman.robots]
+tiny-bot = tiny:tiny_bot
 
 [mobman.suites]
 tiny = tiny:SUITE
@@ -108,10 +146,27 @@ for record in runs:
     assert math.isnan(record.metrics["tiny_fault"])
     assert "tiny_lost" not in record.metrics
 assert not np.array_equal(runs[0].q, runs[1].q)
+
+assert "tiny-bot" in mm.list_robots() and "tiny-law" in mm.list_controllers()
+term = {"type": "tiny-term", "weight": 50.0, "zone": 0.5}  # of every posture
+warnings.simplefilter("ignore")
+pulled, plain = [
+    mm.simulate("tiny-bot", mm.make_controller("tiny-law", criteria=terms),
+                mm.make_task("tiny-task", "tiny-bot", height=0.05), duration=0.02)
+    for terms in ([term], [])]
+assert pulled.robot == "tiny-bot" and pulled.spec["law"] == "tiny-law"
+assert np.allclose(pulled.tip_desired[0] - pulled.tip_position[0], [0.0, 0.0, 0.05])
+assert not np.array_equal(pulled.q, plain.q)
+try:
+    mm.make_controller("tiny-law", criteria=[{"type": "tiny-turm", "weight": 1.0}])
+except mm.MobmanError as error:
+    assert "did you mean 'tiny-term'" in str(error), error
+else:
+    raise AssertionError
 """
 
 
-def test_metrics_pieces_platforms_and_suites_of_a_package(tmp_path):
+def test_everything_that_a_package_can_bring_is_found(tmp_path):
     info = tmp_path / "tiny-0.1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: tiny\nVersion: 0.1\n")
