@@ -19,6 +19,8 @@ from mobman.model.extended_jacobian import ExtendedJacobian, extended_kinematics
 from mobman.model.platforms.platform import platforms
 from mobman.model.task_map import TaskMap
 
+MODULES = ("swerve", "multi-axle")
+_SIDES = ("right", "left")
 DRIVING = [name for name in PLATFORMS if name != "fixed"]
 
 
@@ -172,17 +174,19 @@ def test_a_turret_over_the_axle_is_refused():
         mm.load_robot(on("turret", offset=0.0))
 
 
-def test_swerve_wheels_touch_the_ground_without_slipping_at_all(robots):
-    robot = robots["swerve"]
+@pytest.mark.parametrize("name", MODULES)
+def test_steered_wheels_touch_the_ground_without_slipping_at_all(robots, name):
+    robot = robots[name]
     for q, z in random_states(robot, 50):
         q = robot.consistent(q)
         speeds = np.abs(robot.velocity_map(q) @ z).max()
         assert np.abs(contacts(robot, q, z)).max() < 1e-12 * max(1.0, speeds)
 
 
-def test_swerve_steering_stays_consistent_along_a_motion(robots):
+@pytest.mark.parametrize("name", MODULES)
+def test_steering_stays_consistent_along_a_motion(robots, name):
     """q' = C z keeps the axles meeting in one point: the constraints of steering integrate."""
-    robot = robots["swerve"]
+    robot = robots[name]
     for q, z in random_states(robot, 5):
         q = robot.consistent(0.3 * q)
         moved = q + 1e-5 * (robot.velocity_map(q) @ z)
@@ -199,6 +203,59 @@ def test_swerve_refuses_a_centre_of_rotation_on_a_steering_axis(robots):
     q[robot.joint_names.index("travel_curvature")] = 1.0 / np.hypot(0.5 * LENGTH, W)
     with pytest.raises(UsageError, match=r"centre of rotation .* 'steering_front_left'"):
         robot.consistent(q)
+
+
+def test_an_axle_may_be_fixed_and_wheels_may_roll_without_a_motor(robots):
+    """Against Ackermann's formula, and B'' has no torque where no motor is."""
+    robot = robots["multi-axle"]
+    platform, kappa = robot.platform, 0.8
+    x = np.zeros(len(platform.coordinates))
+    x[platform.coordinates.index("travel_curvature")] = kappa
+    x = platform.consistent(x)
+    for place, ahead in ((1, 0.5), (3, -0.3)):
+        for side, y in (("right", -W), ("left", W)):
+            angle = x[platform.coordinates.index(f"steering_{place}_{side}")]
+            assert np.isclose(angle, np.arctan2(ahead, 1.0 / kappa - y))
+    n = platform.velocity_map(x)[[platform.coordinates.index(f"wheel_2_{s}") for s in _SIDES], 0]
+    assert np.allclose(n, [(1.0 + kappa * W) / R, (1.0 - kappa * W) / R])
+    idle = [platform.coordinates.index(f"wheel_1_{side}") for side in _SIDES]
+    B = platform.actuation(x)
+    assert not B[idle].any()
+    assert B[[platform.coordinates.index(f"wheel_3_{side}") for side in _SIDES], 0].all()
+
+
+def test_an_axle_in_between_is_steered_around_where_none_is_fixed():
+    """Four-wheel steering: front and rear turn opposite ways."""
+    body = PLATFORMS["multi-axle"]["body"] | {"axles": [0.4, -0.4], "steered": [1, 2]}
+    with pytest.raises(SpecError, match=r"'platform.axle' is missing"):
+        mm.load_robot(on("multi-axle", body=body, driven=[]))
+    robot = mm.load_robot(on("multi-axle", body=body, driven=[], axle=0.0))
+    q = robot.q_rest.copy()
+    q[robot.joint_names.index("travel_curvature")] = 0.5
+    q = robot.consistent(q)
+    front, rear = (q[robot.joint_names.index(f"steering_{i}_left")] for i in (1, 2))
+    assert front > 0.1
+    assert np.isclose(front, -rear)
+    random = np.random.default_rng(3)
+    for _ in range(10):
+        z = random.standard_normal(robot.nz)
+        assert np.abs(contacts(robot, q, z)).max() < 1e-12 * np.abs(robot.velocity_map(q) @ z).max()
+
+
+@pytest.mark.parametrize(
+    ("body", "own", "words"),
+    [
+        ({"axles": [0.5, 0.1, 0.0], "steered": [1]}, {}, "not steered, are .* allowed: one axle"),
+        ({"axles": [0.5, 0.0], "steered": [1]}, {"axle": 0.3}, "'platform.axle' is 0.3 m"),
+        ({"axles": [0.5, 0.5], "steered": [1]}, {}, "steering_1_right' is on the line of the axle"),
+        ({"axles": [0.5, 0.0], "steered": [3]}, {}, "'platform.body.steered' is .*1 to 2"),
+        ({"axles": [0.5, 0.0], "steered": [1]}, {"driven": ["a"]}, "'platform.driven' names 'a'"),
+    ],
+)
+def test_axles_that_cannot_be_are_refused(body, own, words):
+    whole = PLATFORMS["multi-axle"]["body"] | body
+    with pytest.raises(SpecError, match=words):
+        mm.load_robot(on("multi-axle", **{"driven": [], "body": whole, **own}))
 
 
 def test_a_start_whose_axles_do_not_meet_is_refused(robots):
@@ -292,7 +349,17 @@ def test_steering_is_absent_from_the_first_order_task_map(robots):
 
 
 TURNED = [
-    *("differential", "skid-steer", "mecanum", "car-like", "unicycle", "planar", "swerve", "turret")
+    *(
+        "differential",
+        "skid-steer",
+        "mecanum",
+        "car-like",
+        "unicycle",
+        "planar",
+        "swerve",
+        "turret",
+    ),
+    "multi-axle",
 ]
 
 
@@ -339,6 +406,13 @@ def _turned(name, folder):
         "swerve": {
             f"{field}": [f"{what}_{end}_{hand}" for end in ends for hand in ("left", "right")]
             for field, what in (("steering", "steering"), ("wheels", "wheel"))
+        },
+        "multi-axle": {
+            field: [f"{what}_{i}_{side}" for i in axles for side in _SIDES]
+            for field, what, axles in (
+                ("steering", "steering", (1, 3)),
+                ("wheels", "wheel", (1, 2, 3)),
+            )
         },
         "turret": {"turret": "turret", "right_wheel": "wheel_right", "left_wheel": "wheel_left"},
     }.get(platform["type"], {})

@@ -53,6 +53,19 @@ PLATFORMS: dict[str, dict[str, Any]] = {
         "wheel_radius": R,
         "body": {**WHEELED, "wheelbase": LENGTH, "half_track": W, "module_mass": 2.0},
     },
+    "multi-axle": {  # three axles, the middle one fixed, the front and the rear one steered
+        "type": "multi-axle",
+        "wheel_radius": R,
+        "driven": ["wheel_2_right", "wheel_2_left", "wheel_3_right", "wheel_3_left"],
+        "body": {
+            **WHEELED,
+            "axles": [0.5, 0.0, -0.3],
+            "steered": [1, 3],
+            "half_track": W,
+            "steering_limit": 0.7,
+            "knuckle_mass": 1.5,
+        },
+    },
     "turret": {
         "type": "turret",
         "wheel_radius": R,

@@ -145,8 +145,8 @@ class Platform(ABC):
     """The fields of ``[platform]`` that ``mobman robots add`` is to find in a URDF for a type of the
     user's own: of ``heading``, ``right_wheel`` and ``left_wheel`` (or both with ``rear_`` in front),
     ``right_wheels`` and ``left_wheels``, ``wheels``, ``kind``, ``steering``, ``front_wheels``,
-    ``turret``, ``axle``, ``centre``, ``height``, ``wheel_radius``. Without any, ``--platform`` does not
-    offer the type."""
+    ``turret``, ``axle``, ``centre``, ``height``, ``wheel_radius``, ``half_track``. Without any,
+    ``--platform`` does not offer the type."""
 
     @classmethod
     @abstractmethod

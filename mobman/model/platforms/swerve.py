@@ -87,7 +87,7 @@ class SwerveParameters(Strict):
 
 
 class Module(NamedTuple):
-    """A steering joint."""
+    """A steering joint; or a place where wheels are that are not steered."""
 
     joint: str
     position: complex
@@ -95,7 +95,7 @@ class Module(NamedTuple):
     zero: float
     """gamma, the direction in which its wheels roll at a joint angle of 0 (rad)."""
     sign: float
-    """+1 where a positive angle turns them to the left, else -1."""
+    """+1 where a positive angle turns them to the left, else -1; 0 where nothing is steered."""
 
 
 class ModuleWheel(NamedTuple):
@@ -108,6 +108,7 @@ class ModuleWheel(NamedTuple):
     """e, its distance from the steering axis to the left (m)."""
     sign: float
     """+1 where a positive rate rolls it forward, else -1."""
+    driven: bool = True
 
 
 class Swerve(Platform):
@@ -123,35 +124,37 @@ class Swerve(Platform):
     spot, :math:`\kappa \to \infty`, is not among the coordinates' values.
 
     Args:
-        modules: The steering joints.
-        driven: The wheels.
+        modules: The steering joints, before the places where nothing is steered.
+        rolling: The wheels.
         radius: R (m).
         root_offset: See :class:`Platform`.
         heading: See :class:`Platform`.
     """
 
-    virtual_joints = TRAVEL_JOINTS
+    virtual_joints: tuple[str, ...] = TRAVEL_JOINTS
+    velocity_names: tuple[str, ...] = ("v", "psi_dot", "kappa_dot")
 
     def __init__(
         self,
         modules: Sequence[Module],
-        driven: Sequence[ModuleWheel],
+        rolling: Sequence[ModuleWheel],
         radius: float,
         root_offset: Array | None = None,
         heading: float = 0.0,
     ) -> None:
-        self.modules, self.radius = tuple(modules), radius
-        self.following = tuple(one.joint for one in modules)
-        rolling = (one.joint for one in driven)
-        self.coordinates = (*BASE_JOINTS, *self.virtual_joints, *self.following, *rolling)
-        self.velocity_names = ("v", "psi_dot", "kappa_dot")
+        self.modules, self.radius = tuple(one for one in modules if one.sign), radius
+        self.following = tuple(one.joint for one in self.modules)
+        self.wheels = tuple(Wheel(one.joint, radius) for one in rolling)
+        names = (one.joint for one in rolling)
+        self.coordinates = (*BASE_JOINTS, *self.virtual_joints, *self.following, *names)
         self.root_offset = np.zeros(3) if root_offset is None else root_offset
         self.heading = heading
-        self.wheels = tuple(Wheel(one.joint, radius) for one in driven)
+        self._free = len(self.virtual_joints) - 1
+        counts = len(self.modules), len(rolling), self._free, len(modules)
         numbers = [(m.position.real, m.position.imag, m.zero, m.sign) for m in modules]
-        more = [(w.module, w.left, w.sign * radius) for w in driven]
+        more = [(w.module, w.left, w.sign * radius, w.driven) for w in rolling]
         self._equations = Equations(
-            np.array([len(modules), len(driven), *np.ravel(numbers), *np.ravel(more)]),
+            np.array([*counts, *np.ravel(numbers), *np.ravel(more)]),
             _velocity_map,
             _velocity_map_rate,
             _constraints,
@@ -176,31 +179,13 @@ class Swerve(Platform):
                 f"{site.origin}: field 'platform.steering' is {steering}; allowed: two or more "
                 "different joints"
             )
-        if len(set(wheels)) < len(wheels):
-            raise SpecError(
-                f"{site.origin}: field 'platform.wheels' is {wheels}; one is there twice"
-            )
-        axes = [joint_place(site, name, "steering", given.heading) for name in steering]
-        check_upright(site, axes, "steering")
-        places = [joint_place(site, name, "wheels", given.heading) for name in wheels]
-        check_level(site, places)
-        rho = np.array([complex(place.centre[0], place.centre[1]) for place in axes])
-        middle = rho.mean()
-        if np.min(np.abs(rho[:, None] - rho + np.eye(len(rho)))) < LENGTH_TOLERANCE:
-            raise SpecError(f"{site.origin}: field 'platform.steering': two axes are at one place")
-        carried = [_carrier(site, place, steering) for place in places]
-        modules, driven = [], []
-        for i, place in enumerate(axes):
-            behind = [one for one, module in zip(places, carried, strict=True) if module == i]
-            zero = _zero(site, place, behind)
-            modules.append(
-                Module(place.joint, rho[i] - middle, zero, float(np.sign(place.axis[2])))
-            )
-            driven += [_wheel(site, one, i, place, zero) for one in behind]
+        axes, places = located(site, steering, wheels, given.heading)
+        middle = complex(np.mean([complex(*place.centre[:2]) for place in axes]))
+        modules, rolling = modules_of(site, axes, places, middle)
         height = float(np.mean([place.centre[2] for place in places]))
         return cls(
             modules,
-            driven,
+            rolling,
             given.wheel_radius,
             root_offset=np.array([-middle.real, -middle.imag, given.wheel_radius - height]),
             heading=given.heading,
@@ -235,12 +220,14 @@ class Swerve(Platform):
         Raises:
             UsageError: If the centre of rotation is on a steering axis.
         """
-        result, direction, curvature = x.copy(), np.exp(1j * x[3]), 1j * x[4]
-        for i, module in enumerate(self.modules, start=5):
-            zeta = direction + curvature * module.position
+        result, last = x.copy(), 3 + self._free
+        direction = np.exp(1j * x[3]) if self._free else 1.0
+        for i, module in enumerate(self.modules, start=last + 1):
+            zeta = direction + 1j * x[last] * module.position
             if abs(zeta) < _ON_AXIS:
+                travel = zip(self.virtual_joints, x[3:], strict=False)
                 raise UsageError(
-                    f"{TRAVEL_JOINTS[0]} = {x[3]:g} and {TRAVEL_JOINTS[1]} = {x[4]:g} put the centre of "
+                    f"{' and '.join(f'{name} = {value:g}' for name, value in travel)} put the centre of "
                     f"rotation on the axis of {module.joint!r}, where the module may point anywhere"
                 )
             wanted = module.sign * (float(np.angle(zeta)) - module.zero)
@@ -264,16 +251,54 @@ def _spots(body: SwerveBody, origin: str) -> dict[str, tuple[float, float]]:
     return dict(zip(_CORNERS, [(x, y), (x, -y), (-x, y), (-x, -y)], strict=True))
 
 
-def _carrier(site: Site, place: JointPlace, steering: Sequence[str]) -> int:
-    """The number of the module that carries a wheel."""
-    above = carriers(site, place)
-    found = [i for i, name in enumerate(steering) if name in above]
-    if len(found) != 1:
-        raise SpecError(
-            f"{site.origin}: field 'platform.wheels': {place.joint!r} is carried by {len(found)} of the "
-            f"joints in field 'platform.steering' ({', '.join(steering)}); allowed: one"
-        )
-    return found[0]
+def located(
+    site: Site, steering: Sequence[str], wheels: Sequence[str], heading: float
+) -> tuple[list[JointPlace], list[JointPlace]]:
+    """Locate steering joints and wheels.
+
+    Raises:
+        SpecError: If one is there twice, or not where it can steer or roll.
+    """
+    for field, names in (("steering", steering), ("wheels", wheels)):
+        if len(set(names)) < len(names):
+            raise SpecError(
+                f"{site.origin}: field 'platform.{field}' is {names}; one is there twice"
+            )
+    axes = [joint_place(site, name, "steering", heading) for name in steering]
+    check_upright(site, axes, "steering")
+    places = [joint_place(site, name, "wheels", heading) for name in wheels]
+    check_level(site, places)
+    rho = np.array([complex(*place.centre[:2]) for place in axes])
+    if np.min(np.abs(rho[:, None] - rho + np.eye(len(rho)))) < LENGTH_TOLERANCE:
+        raise SpecError(f"{site.origin}: field 'platform.steering': two axes are at one place")
+    return axes, places
+
+
+def modules_of(
+    site: Site, axes: Sequence[JointPlace], places: Sequence[JointPlace], middle: complex
+) -> tuple[list[Module], list[ModuleWheel]]:
+    """The modules of steering joints and the wheels behind these, from a reference point (m).
+
+    Raises:
+        SpecError: If a wheel is carried by none of the joints or several, or is not beside its axis.
+    """
+    carried, steering = [], [place.joint for place in axes]
+    for place in places:
+        above = carriers(site, place)
+        found = [i for i, name in enumerate(steering) if name in above]
+        if len(found) != 1:
+            raise SpecError(
+                f"{site.origin}: field 'platform.wheels': {place.joint!r} is carried by {len(found)} of "
+                f"the joints in field 'platform.steering' ({', '.join(steering)}); allowed: one"
+            )
+        carried += found
+    modules, rolling = list[Module](), list[ModuleWheel]()
+    for i, axis in enumerate(axes):
+        behind = [one for one, module in zip(places, carried, strict=True) if module == i]
+        zero, rho = _zero(site, axis, behind), complex(*axis.centre[:2]) - middle
+        modules.append(Module(axis.joint, rho, zero, float(np.sign(axis.axis[2]))))
+        rolling += [_wheel(site, one, i, axis, zero) for one in behind]
+    return modules, rolling
 
 
 def _zero(site: Site, axis: JointPlace, wheels: Sequence[JointPlace]) -> float:
@@ -308,8 +333,15 @@ def _wheel(site: Site, place: JointPlace, i: int, axis: JointPlace, zero: float)
     return ModuleWheel(place.joint, i, float(apart @ left), float(np.sign(place.axis @ left)))
 
 
-# Parameters of the kernels: n, w; x_i, y_i, gamma_i, sign_i of each module; module, e, sign R of each
-# wheel. x = (x_1, x_2, theta, psi, kappa, delta_1 ..., phi_1 ...).
+# Parameters of the kernels: n, w, 1 where psi is free or 0 where it is 0 and no coordinate, the number
+# m of modules; x_i, y_i, gamma_i, sign_i of each module, the n that steer first; module, e, sign R and
+# 1 where it is driven of each wheel. x = (x_1, x_2, theta, [psi,] kappa, delta_1 ..., phi_1 ...).
+
+
+@kernel
+def _counts(parameters: Vector) -> tuple[int, int, int, int]:
+    """n, w, 1 or 0, m."""
+    return int(parameters[0]), int(parameters[1]), int(parameters[2]), int(parameters[3])
 
 
 @kernel
@@ -319,7 +351,7 @@ def _ways(parameters: Vector, i: int, psi: float, kappa: float) -> tuple[complex
     The higher derivatives are products of these: L_psipsi = third - L_psi^2, L_psikappa = -L_psi
     L_kappa, L_kappakappa = -L_kappa^2.
     """
-    rho = complex(parameters[2 + 4 * i], parameters[3 + 4 * i])
+    rho = complex(parameters[4 + 4 * i], parameters[5 + 4 * i])
     e = complex(math.cos(psi), math.sin(psi))
     zeta = e + 1j * kappa * rho
     # its inverse without a division by 0, which Python refuses where compiled code gives inf
@@ -329,33 +361,38 @@ def _ways(parameters: Vector, i: int, psi: float, kappa: float) -> tuple[complex
 
 @kernel
 def _velocity_map(parameters: Vector, x: Vector, N: Matrix) -> None:
-    """N of the class, with alpha = (v, psi', kappa')."""
-    n, w = int(parameters[0]), int(parameters[1])
-    psi, kappa = x[3], x[4]
+    """N of the class, with alpha = (v, [psi',] kappa')."""
+    n, w, free, m = _counts(parameters)
+    psi, kappa, first = x[3] if free else 0.0, x[3 + free], 4 + free
     N[:, :] = 0.0
     N[0, 0], N[1, 0], N[2, 0] = math.cos(x[2] + psi), math.sin(x[2] + psi), kappa
-    N[3, 1] = N[4, 2] = 1.0
+    for k in range(1 + free):
+        N[3 + k, 1 + k] = 1.0
     for i in range(n):
         along, turning, _ = _ways(parameters, i, psi, kappa)
-        sign = parameters[5 + 4 * i]
-        N[5 + i, 1], N[5 + i, 2] = sign * along.imag, sign * turning.imag
+        sign = parameters[7 + 4 * i]
+        if free:
+            N[first + i, 1] = sign * along.imag
+        N[first + i, 1 + free] = sign * turning.imag
     for j in range(w):
-        at = 2 + 4 * n + 3 * j
+        at = 4 + 4 * m + 4 * j
         i, left, R = int(parameters[at]), parameters[at + 1], parameters[at + 2]
-        a, b, sign = parameters[2 + 4 * i], parameters[3 + 4 * i], parameters[5 + 4 * i]
-        angle = parameters[4 + 4 * i] + sign * x[5 + i]
+        a, b, sign = parameters[4 + 4 * i], parameters[5 + 4 * i], parameters[7 + 4 * i]
+        d = first + min(i, n - 1)  # its sign is 0 where nothing is steered
+        angle = parameters[6 + 4 * i] + sign * x[d]
         lever = a * math.sin(angle) - b * math.cos(angle) - left
-        row = 5 + n + j
+        row = first + n + j
         N[row, 0] = (math.cos(angle - psi) + kappa * lever) / R
-        N[row, 1] = -left * sign * N[5 + i, 1] / R
-        N[row, 2] = -left * sign * N[5 + i, 2] / R
+        for k in range(1, 2 + free):
+            N[row, k] = -left * sign * N[d, k] / R
 
 
 @kernel
 def _velocity_map_rate(parameters: Vector, x: Vector, x_dot: Vector, N_rate: Matrix) -> None:
     """d/dt of the same."""
-    n, w = int(parameters[0]), int(parameters[1])
-    psi, kappa, psi_dot, kappa_dot = x[3], x[4], x_dot[3], x_dot[4]
+    n, w, free, m = _counts(parameters)
+    psi, kappa, first = x[3] if free else 0.0, x[3 + free], 4 + free
+    psi_dot, kappa_dot = x_dot[3] if free else 0.0, x_dot[3 + free]
     turn = x_dot[2] + psi_dot
     N_rate[:, :] = 0.0
     N_rate[0, 0] = -math.sin(x[2] + psi) * turn
@@ -363,81 +400,89 @@ def _velocity_map_rate(parameters: Vector, x: Vector, x_dot: Vector, N_rate: Mat
     N_rate[2, 0] = kappa_dot
     for i in range(n):
         along, turning, third = _ways(parameters, i, psi, kappa)
-        sign = parameters[5 + 4 * i]
+        sign = parameters[7 + 4 * i]
         change = along * psi_dot + turning * kappa_dot
-        N_rate[5 + i, 1] = sign * (third * psi_dot - along * change).imag
-        N_rate[5 + i, 2] = -sign * (turning * change).imag
+        if free:
+            N_rate[first + i, 1] = sign * (third * psi_dot - along * change).imag
+        N_rate[first + i, 1 + free] = -sign * (turning * change).imag
     for j in range(w):
-        at = 2 + 4 * n + 3 * j
+        at = 4 + 4 * m + 4 * j
         i, left, R = int(parameters[at]), parameters[at + 1], parameters[at + 2]
-        a, b, sign = parameters[2 + 4 * i], parameters[3 + 4 * i], parameters[5 + 4 * i]
-        angle, rate = parameters[4 + 4 * i] + sign * x[5 + i], sign * x_dot[5 + i]
+        a, b, sign = parameters[4 + 4 * i], parameters[5 + 4 * i], parameters[7 + 4 * i]
+        d = first + min(i, n - 1)
+        angle, rate = parameters[6 + 4 * i] + sign * x[d], sign * x_dot[d]
         c, s = math.cos(angle), math.sin(angle)
-        row = 5 + n + j
+        row = first + n + j
         N_rate[row, 0] = (
             -math.sin(angle - psi) * (rate - psi_dot)
             + kappa_dot * (a * s - b * c - left)
             + kappa * (a * c + b * s) * rate
         ) / R
-        N_rate[row, 1] = -left * sign * N_rate[5 + i, 1] / R
-        N_rate[row, 2] = -left * sign * N_rate[5 + i, 2] / R
+        for k in range(1, 2 + free):
+            N_rate[row, k] = -left * sign * N_rate[d, k] / R
 
 
 @kernel
 def _actuation(parameters: Vector, x: Vector, B: Matrix) -> None:
     """B'' = S (S^T S)^-1 for the motors' rates S alpha: of all torques that make the commands, those
     with the least sum of squares."""
+    n, w, free, m = _counts(parameters)
+    first, last = 4 + free, 1 + free
     _velocity_map(parameters, x, B)
-    g00 = g01 = g02 = g11 = g12 = g22 = 0.0
-    for i in range(5, B.shape[0]):
-        p, q, r = B[i, 0], B[i, 1], B[i, 2]
+    for j in range(w):
+        if parameters[7 + 4 * m + 4 * j] == 0.0:
+            B[first + n + j, :] = 0.0
+    g00 = g01 = g02 = g12 = g22 = 0.0
+    g11 = 1.0 - free
+    for i in range(first, B.shape[0]):
+        p, q, r = B[i, 0], B[i, 1] if free else 0.0, B[i, last]
         g00, g01, g02 = g00 + p * p, g01 + p * q, g02 + p * r
         g11, g12, g22 = g11 + q * q, g12 + q * r, g22 + r * r
     # the adjugate
     h00, h01, h02 = g11 * g22 - g12 * g12, g02 * g12 - g01 * g22, g01 * g12 - g02 * g11
     h11, h12, h22 = g00 * g22 - g02 * g02, g01 * g02 - g00 * g12, g00 * g11 - g01 * g01
     determinant = g00 * h00 + g01 * h01 + g02 * h02
-    B[:5, :] = 0.0
-    for i in range(5, B.shape[0]):
-        p, q, r = B[i, 0], B[i, 1], B[i, 2]
+    B[:first, :] = 0.0
+    for i in range(first, B.shape[0]):
+        p, q, r = B[i, 0], B[i, 1] if free else 0.0, B[i, last]
         B[i, 0] = (p * h00 + q * h01 + r * h02) / determinant
-        B[i, 1] = (p * h01 + q * h11 + r * h12) / determinant
-        B[i, 2] = (p * h02 + q * h12 + r * h22) / determinant
+        if free:
+            B[i, 1] = (p * h01 + q * h11 + r * h12) / determinant
+        B[i, last] = (p * h02 + q * h12 + r * h22) / determinant
 
 
 @kernel
 def _constraints(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None:
     """Travel along psi, turning by kappa, steering that follows, wheels that roll."""
-    n, w = int(parameters[0]), int(parameters[1])
-    psi, kappa = x[3], x[4]
+    n, w, free, m = _counts(parameters)
+    psi, kappa, first, last = x[3] if free else 0.0, x[3 + free], 4 + free, 3 + free
     c, s = math.cos(x[2] + psi), math.sin(x[2] + psi)
     A[:, :] = 0.0
     A_x[:, :, :] = 0.0
     A[0, 0], A[0, 1] = s, -c
     A[1, 0], A[1, 1], A[1, 2] = kappa * c, kappa * s, -1.0
-    for m in (2, 3):
-        A_x[0, 0, m], A_x[0, 1, m] = c, s
-        A_x[1, 0, m], A_x[1, 1, m] = -kappa * s, kappa * c
-    A_x[1, 0, 4], A_x[1, 1, 4] = c, s
+    for k in range(2, last):
+        A_x[0, 0, k], A_x[0, 1, k] = c, s
+        A_x[1, 0, k], A_x[1, 1, k] = -kappa * s, kappa * c
+    A_x[1, 0, last], A_x[1, 1, last] = c, s
     for i in range(n):
         along, turning, third = _ways(parameters, i, psi, kappa)
-        A[2 + i, 3], A[2 + i, 4], A[2 + i, 5 + i] = (
-            -along.imag,
-            -turning.imag,
-            parameters[5 + 4 * i],
-        )
-        A_x[2 + i, 3, 3] = (along * along - third).imag
-        A_x[2 + i, 3, 4] = A_x[2 + i, 4, 3] = (along * turning).imag
-        A_x[2 + i, 4, 4] = (turning * turning).imag
+        A[2 + i, last], A[2 + i, first + i] = -turning.imag, parameters[7 + 4 * i]
+        A_x[2 + i, last, last] = (turning * turning).imag
+        if free:
+            A[2 + i, 3] = -along.imag
+            A_x[2 + i, 3, 3] = (along * along - third).imag
+            A_x[2 + i, 3, 4] = A_x[2 + i, 4, 3] = (along * turning).imag
     for j in range(w):
-        at = 2 + 4 * n + 3 * j
+        at = 4 + 4 * m + 4 * j
         i, left, R = int(parameters[at]), parameters[at + 1], parameters[at + 2]
-        a, b, sign = parameters[2 + 4 * i], parameters[3 + 4 * i], parameters[5 + 4 * i]
-        angle, row, d = parameters[4 + 4 * i] + sign * x[5 + i], 2 + n + j, 5 + i
+        a, b, sign = parameters[4 + 4 * i], parameters[5 + 4 * i], parameters[7 + 4 * i]
+        row, d = 2 + n + j, first + min(i, n - 1)
+        angle = parameters[6 + 4 * i] + sign * x[d]
         c, s = math.cos(angle), math.sin(angle)
         cw, sw = math.cos(x[2] + angle), math.sin(x[2] + angle)
         A[row, 0], A[row, 1], A[row, 2] = cw, sw, a * s - b * c - left
-        A[row, d], A[row, 5 + n + j] = -left * sign, -R
+        A[row, d], A[row, first + n + j] = -left * sign, -R
         A_x[row, 0, 2], A_x[row, 1, 2] = -sw, cw
         A_x[row, 0, d], A_x[row, 1, d] = -sign * sw, sign * cw
         A_x[row, 2, d] = sign * (a * c + b * s)
@@ -448,31 +493,34 @@ def _constraint_derivative_rate(
     parameters: Vector, x: Vector, x_dot: Vector, A_x_rate: Tensor
 ) -> None:
     """d/dt of the derivatives of A."""
-    n, w = int(parameters[0]), int(parameters[1])
-    psi, kappa, psi_dot, kappa_dot = x[3], x[4], x_dot[3], x_dot[4]
+    n, w, free, m = _counts(parameters)
+    psi, kappa, first, last = x[3] if free else 0.0, x[3 + free], 4 + free, 3 + free
+    psi_dot, kappa_dot = x_dot[3] if free else 0.0, x_dot[last]
     turn = x_dot[2] + psi_dot
     c, s = math.cos(x[2] + psi), math.sin(x[2] + psi)
     A_x_rate[:, :, :] = 0.0
-    for m in (2, 3):
-        A_x_rate[0, 0, m], A_x_rate[0, 1, m] = -s * turn, c * turn
-        A_x_rate[1, 0, m] = -kappa_dot * s - kappa * c * turn
-        A_x_rate[1, 1, m] = kappa_dot * c - kappa * s * turn
-    A_x_rate[1, 0, 4], A_x_rate[1, 1, 4] = -s * turn, c * turn
+    for k in range(2, last):
+        A_x_rate[0, 0, k], A_x_rate[0, 1, k] = -s * turn, c * turn
+        A_x_rate[1, 0, k] = -kappa_dot * s - kappa * c * turn
+        A_x_rate[1, 1, k] = kappa_dot * c - kappa * s * turn
+    A_x_rate[1, 0, last], A_x_rate[1, 1, last] = -s * turn, c * turn
     for i in range(n):
         along, turning, third = _ways(parameters, i, psi, kappa)
         change = along * psi_dot + turning * kappa_dot
         along_rate, turning_rate = third * psi_dot - along * change, -turning * change
-        # zeta_psipsi = -e, whose own derivative is that of e: zeta_psipsipsi / zeta = -L_psi
-        third_rate = -along * psi_dot - third * change
-        A_x_rate[2 + i, 3, 3] = (2.0 * along * along_rate - third_rate).imag
-        mixed = (along_rate * turning + along * turning_rate).imag
-        A_x_rate[2 + i, 3, 4] = A_x_rate[2 + i, 4, 3] = mixed
-        A_x_rate[2 + i, 4, 4] = (2.0 * turning * turning_rate).imag
+        A_x_rate[2 + i, last, last] = (2.0 * turning * turning_rate).imag
+        if free:
+            # zeta_psipsi = -e, whose own derivative is that of e: zeta_psipsipsi / zeta = -L_psi
+            third_rate = -along * psi_dot - third * change
+            A_x_rate[2 + i, 3, 3] = (2.0 * along * along_rate - third_rate).imag
+            mixed = (along_rate * turning + along * turning_rate).imag
+            A_x_rate[2 + i, 3, 4] = A_x_rate[2 + i, 4, 3] = mixed
     for j in range(w):
-        i = int(parameters[2 + 4 * n + 3 * j])
-        a, b, sign = parameters[2 + 4 * i], parameters[3 + 4 * i], parameters[5 + 4 * i]
-        angle, rate = parameters[4 + 4 * i] + sign * x[5 + i], sign * x_dot[5 + i]
-        row, d, both = 2 + n + j, 5 + i, x_dot[2] + rate
+        i = int(parameters[4 + 4 * m + 4 * j])
+        a, b, sign = parameters[4 + 4 * i], parameters[5 + 4 * i], parameters[7 + 4 * i]
+        row, d = 2 + n + j, first + min(i, n - 1)
+        angle, rate = parameters[6 + 4 * i] + sign * x[d], sign * x_dot[d]
+        both = x_dot[2] + rate
         c, s = math.cos(x[2] + angle) * both, math.sin(x[2] + angle) * both
         A_x_rate[row, 0, 2], A_x_rate[row, 1, 2] = -c, -s
         A_x_rate[row, 0, d], A_x_rate[row, 1, d] = -sign * c, -sign * s

@@ -137,7 +137,8 @@ def _recognised(tree: Tree, wheels: list[Rolling], options: Options, hint: str) 
         and len({w.turning for w in modules}) >= 2
         and not (straight or pairs_of(driven))
     ):
-        return _swerve(tree, asked or "swerve", modules, options)
+        own = modules if asked in (None, "swerve") else [*modules, *straight]
+        return _swerve(tree, asked or "swerve", own, options)
     steered = [w for w in wheels if w.steering is not None and w not in driven]
     if sliding and len(driven) < 3:
         driven = _one_each(wheels)
@@ -192,6 +193,11 @@ def _of_pairs(
     listing = ", ".join(f"{a.name} and {b.name}" for a, b in pairs) or "no pair of wheels"
     if "wheels" in fields:
         return Drive(Inferred(kind, sign), wheels=[*right, *left], kind=Inferred("mecanum"))
+    if options.platform is None and len(pairs) == 1 and len(steering) > 2:
+        why = f"{len(steering)} joints steer, and one axle does not"
+        return Drive(
+            Inferred("multi-axle", why), wheels=[*right, *left, *steered], steering=steering
+        )
     if "steering" in fields:
         if len(pairs) != 1 or not 0 < len(steering) <= 2:
             raise Undecided(

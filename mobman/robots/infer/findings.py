@@ -18,6 +18,7 @@ TYPES: dict[str, tuple[str, ...]] = {
         "half_track",
     ),
     "swerve": ("heading", "steering", "wheels", "wheel_radius"),
+    "multi-axle": ("heading", "steering", "wheels", "wheel_radius"),
     "turret": ("heading", "turret", "right_wheel", "left_wheel", "wheel_radius", "half_track"),
     "unicycle": ("heading", "axle", "height"),
     "planar": ("heading", "centre", "height"),

@@ -76,7 +76,7 @@ def confirm(varied: Varied, robot, said: dict) -> None:
             q[names.index(name)] += random.uniform(-0.4, 0.4)
         for name in [n for n in names if n.startswith("travel_")]:
             q[names.index(name)] = random.uniform(-0.4, 0.4)
-        if truth.steering and "travel_direction" not in names and not truth.turret:
+        if truth.steering and "travel_curvature" not in names and not truth.turret:
             q[[names.index(n) for n in parameters["steering"]]] = 0.0
         q = robot.consistent(q)
         at = dict(zip(names, q, strict=True))

@@ -146,7 +146,7 @@ class Varied:
             self.inset = self.suspended = 0.0
         self.fault = "" if self.fault in ("no_radius", "millimetres") and self.inset else self.fault
         self.shape = self.any(["cylinder", "sphere", "mesh", "mesh mm", "visual", "hub and tyre"])
-        self.count = 0
+        self.count, self.made = 0, list[Wheel]()
         self.inset = 0.0 if "mesh" in self.shape else self.inset
         self._base()
         BASES[self.kind](self)
@@ -340,6 +340,7 @@ class Varied:
             slips,
             inset=inset,
         )
+        self.made.append(wheel)
         if driven:
             self.truth.wheels.append(wheel)
         return wheel
@@ -458,6 +459,24 @@ class Varied:
             self._hang(wheel.joint, knuckle, at)
             self.truth.steering.append(name)
         self.truth.wheels, self.truth.rolling = rear, [w.joint for w in front]
+
+    def truck(self) -> None:
+        """A car with an axle more behind, which is steered as well."""
+        self.car()
+        self.truth.types = ("multi-axle",)
+        front = [*self.truth.rolling]
+        for side, y in (("right", -self.track / 2), ("left", self.track / 2)):
+            centre = np.array([-0.75 * self.length, y, self.axle])
+            wheel = self.wheel("last", side, centre, driven=False)
+            name, knuckle, at = f"last_{side}_steering", f"last_{side}_knuckle", place(centre)
+            self.link(knuckle)
+            self.joint(name, "revolute", "chassis", knuckle, at, Z, (-0.5, 0.5))
+            self._hang(wheel.joint, knuckle, at)
+            self.truth.steering.append(name)
+            front.append(wheel.joint)
+        every = {w.joint: w for w in self.made}
+        self.truth.rolling, self.truth.right, self.truth.left = [], [], []
+        self.truth.wheels += [every[name] for name in front]
 
     def _hang(self, wheel: str, knuckle: str, at: np.ndarray) -> None:
         """Hang a wheel that is on the chassis on another link, where it is."""
@@ -878,6 +897,7 @@ BASES = {
         "six",
         "turret",
         "followed",
+        "truck",
         "planar",
     )
 }

@@ -1,0 +1,185 @@
+r"""Platforms of several axles, each of them steered or fixed: trucks, four-wheel steering.
+
+The axles of all wheels meet in one point at any time. Here it stays on one line across the platform:
+that of the axle which is fixed, or, where every axle is steered, the one that the steering is built
+around (symmetrical steering of two axles: midway). With the reference point on that line the platform
+travels straight ahead there, :math:`\psi = 0`, and its motion is that of :mod:`~.swerve` for this
+:math:`\psi`: type (1,1) of Campion, Bastin and d'Andrea-Novel, a car whose steering is told by the
+curvature :math:`\kappa` of its path in place of an angle. A module at :math:`\rho_i` stands at the angle
+of :math:`\zeta_i = 1 + \mathrm{i}\kappa\rho_i`; it is singular on that line only, where it is refused.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from mobman.errors import SpecError
+from mobman.model.platforms.body import (
+    Knuckle,
+    WheeledBody,
+    WheelPart,
+    body_urdf,
+    joint_names,
+    required,
+    required_body,
+)
+from mobman.model.platforms.platform import Site, platforms
+from mobman.model.platforms.swerve import Module, ModuleWheel, Swerve, located, modules_of
+from mobman.model.platforms.wheels import LENGTH_TOLERANCE, carriers, wheel_place
+from mobman.robots.urdf.compose import TRAVEL_JOINTS
+from mobman.toml_model import Strict, validate
+
+_SIDES = {"right": -1.0, "left": 1.0}
+
+
+class MultiAxleBody(WheeledBody):
+    """The fields of ``[platform.body]``: axles with a right and a left wheel each."""
+
+    axles: list[float] = Field(min_length=2)
+    """Their places ahead of ``platform`` (m)."""
+    steered: list[int] = Field(min_length=1)
+    """Numbers of those that are steered, from 1."""
+    half_track: float = Field(gt=0)
+    """m."""
+    steering_limit: float = Field(gt=0)
+    """Largest angle of a knuckle (rad)."""
+    steering_velocity: float = Field(0.0, ge=0)
+    """Largest steering rate (rad/s); 0: not known."""
+    steering_effort: float = Field(0.0, ge=0)
+    """Largest steering torque (N m); 0: not known."""
+    knuckle_mass: float = Field(gt=0)
+    """Mass of what a steering joint turns, without the wheel (kg)."""
+
+
+class MultiAxleParameters(Strict):
+    """The fields of ``[platform]`` for ``type = "multi-axle"``."""
+
+    steering: list[str] = []
+    """URDF joints that steer."""
+    wheels: list[str] = []
+    """URDF joints of all wheels that roll: behind those, and of the axle that is fixed."""
+    driven: list[str] = []
+    """Those with a motor; by default all."""
+    axle: float | None = None
+    """Place of the line on which the centre of rotation stays, ahead of the root link (m): by default
+    that of the wheels that are fixed."""
+    wheel_radius: float = Field(gt=0)
+    """R (m)."""
+    heading: float = 0.0
+    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
+    body: MultiAxleBody | None = None
+    """The platform by its numbers instead of by a URDF."""
+
+
+class MultiAxle(Swerve):
+    r"""n steering joints and w wheels: :math:`l = 4 + n + w`, :math:`k = 2 + n + w`.
+
+    Coordinates :math:`x = (x_1, x_2, \theta, \kappa, \delta_1, \dots, \delta_n, \phi_1, \dots,
+    \phi_w)` with (x1, x2) on the line of the fixed axle. :math:`\alpha = (v, \dot\kappa)` (m/s,
+    1/(m s)): :math:`\dot\theta = v\kappa`, :math:`\delta_i = \arg\zeta_i`; the commands are the forces
+    that belong to them. The steering joints and the driven wheels make these with the least sum of
+    squares. Steering moves no tip at once, as a car's.
+    """
+
+    virtual_joints = TRAVEL_JOINTS[1:]
+    velocity_names = ("v", "kappa_dot")
+
+    @classmethod
+    def build(cls, site: Site) -> MultiAxle:
+        """See :meth:`Platform.build`; the joints say which wheels are steered."""
+        given = validate(MultiAxleParameters, site.parameters, f"{site.origin}: [platform]")
+        own = _joints(given.body, site.origin)
+        steering = joint_names(site.origin, "steering", given.steering, given.body, own[0])
+        wheels = joint_names(site.origin, "wheels", given.wheels, given.body, own[1])
+        axes, places = located(site, steering, wheels, given.heading)
+        turned = [bool({*carriers(site, place)} & {*steering}) for place in places]
+        straight = [
+            wheel_place(site, place.joint, "wheels", given.heading)
+            for place, steers in zip(places, turned, strict=True)
+            if not steers
+        ]
+        ahead = [float(place.centre[0]) for place in straight]
+        if ahead and max(ahead) - min(ahead) > LENGTH_TOLERANCE:
+            raise SpecError(
+                f"{site.origin}: field 'platform.wheels': the wheels "
+                f"{', '.join(place.joint for place in straight)}, which are not steered, are "
+                f"{np.round(ahead, 4).tolist()} m ahead; allowed: one axle (several slip when it turns)"
+            )
+        why = (
+            "no wheel is fixed; say on which line across the platform the centre of rotation stays"
+        )
+        axle = given.axle
+        if axle is None:
+            axle = required(site.origin, "axle", float(np.mean(ahead)) if ahead else None, why)
+        elif ahead and abs(axle - np.mean(ahead)) > LENGTH_TOLERANCE:
+            raise SpecError(
+                f"{site.origin}: field 'platform.axle' is {axle:g} m; the wheels that are not steered "
+                f"have theirs {np.mean(ahead):.4f} m ahead"
+            )
+        middle = complex(axle, float(np.mean([p.centre[1] for p in (straight or places)])))
+        for place in axes:
+            if abs(place.centre[0] - axle) < LENGTH_TOLERANCE:
+                raise SpecError(
+                    f"{site.origin}: field 'platform.steering': {place.joint!r} is on the line of the "
+                    f"axle, {axle:.4f} m ahead, where it is singular; allowed: before or behind it"
+                )
+        modules, rolling = modules_of(
+            site, axes, [p for p, steers in zip(places, turned, strict=True) if steers], middle
+        )
+        for place in straight:
+            at = len(modules)
+            modules.append(Module("", complex(*place.centre[:2]) - middle, 0.0, 0.0))
+            rolling.append(ModuleWheel(place.joint, at, 0.0, place.sign))
+        if unknown := set(given.driven) - set(wheels):
+            raise SpecError(
+                f"{site.origin}: field 'platform.driven' names {sorted(unknown)[0]!r}; allowed: of "
+                f"{', '.join(wheels)}"
+            )
+        driven = set(given.driven or wheels)
+        height = float(np.mean([place.centre[2] for place in places]))
+        return cls(
+            modules,
+            [one._replace(driven=one.joint in driven) for one in rolling],
+            given.wheel_radius,
+            root_offset=np.array([-middle.real, -middle.imag, given.wheel_radius - height]),
+            heading=given.heading,
+        )
+
+    @classmethod
+    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
+        """See :meth:`Platform.describe`: a box with axles of a right and a left wheel each."""
+        given = validate(MultiAxleParameters, parameters, f"{origin}: [platform]")
+        body, R = required_body(origin, given.body), given.wheel_radius
+        knuckles, wheels = [], []
+        for i, x in enumerate(body.axles, start=1):
+            for side, sign in _SIDES.items():
+                spot, name = (x, sign * body.half_track, R), f"{i}_{side}"
+                if i not in body.steered:
+                    wheels.append(WheelPart(f"wheel_{name}", spot, R))
+                    continue
+                motion = body.steering_limit, body.steering_velocity, body.knuckle_mass, R
+                knuckles.append(Knuckle(f"steering_{name}", spot, *motion, body.steering_effort))
+                carried = f"steering_{name}_link"
+                wheels.append(WheelPart(f"wheel_{name}", (0.0, 0.0, 0.0), R, parent=carried))
+        return body_urdf(body, wheels, knuckles)
+
+
+def _joints(body: MultiAxleBody | None, origin: str) -> tuple[list[str], list[str]]:
+    """Names of the steering joints and of the wheels of a platform described by its numbers."""
+    if body is None:
+        return [], []
+    every = range(1, len(body.axles) + 1)
+    if not set(body.steered) <= set(every):
+        raise SpecError(
+            f"{origin}: field 'platform.body.steered' is {body.steered}; allowed: numbers of axles, 1 "
+            f"to {len(body.axles)}"
+        )
+    steering = [f"steering_{i}_{side}" for i in every if i in body.steered for side in _SIDES]
+    return steering, [f"wheel_{i}_{side}" for i in every for side in _SIDES]
+
+
+platforms.register("multi-axle", MultiAxle)
