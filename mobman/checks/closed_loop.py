@@ -1,4 +1,5 @@
-"""Checks of the tip at rest, of its reach around the task 'circle', and of a closed loop on it."""
+"""Checks of the tip at rest, of its reach around the task 'circle', of a closed loop on it, and of what
+long runs lead to: singularities, and a criterion that pulls at what grows with the way."""
 
 from __future__ import annotations
 
@@ -12,10 +13,14 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.checks.checks import Remark, all_ok, check, does_not_apply, some, warning, wrong
 from mobman.checks.subject import Subject
+from mobman.model.posture_weights import conditioning, heading_weight
+from mobman.model.task_map import TaskMap
+from mobman.robots.spec import DRIVEN
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.shapes import bounds
 from mobman.simulation.record import Record
 from mobman.simulation.simulate import simulate
+from mobman.simulation.singularity import predict_singularity
 from mobman.tasks.circle import Circle
 from mobman.tasks.task import make_task
 
@@ -243,3 +248,81 @@ def _efforts(subject: Subject, record: Record) -> Iterator[Remark]:
             "start nearer to the path or with lower gains on the real robot, or check <limit effort> of "
             f"these joints in {subject.files}",
         )
+
+
+# Singularities on the way ----------------------------------------------------------------------------
+
+_MINUTES = 120.0  # s
+
+
+@check(
+    "fold",
+    f"the motion on the task {_TASK!r} leads to no singularity within {_MINUTES:g} s",
+    simulates=True,
+)
+def fold(subject: Subject) -> Iterator[Remark]:
+    robot, m = subject.robot, TaskMap().m
+    if robot.nz < m:
+        yield does_not_apply(f"{robot.nz} degrees of freedom, fewer than the tip's {m}")
+        return
+    found = predict_singularity(robot, circle(subject), duration=_MINUTES)
+    if found.singular is not None:
+        yield warning(
+            f"laws on the extended task (13) that follow the task {_TASK!r} become singular at "
+            f"t = {found.singular.time:.3g} s: {found.singular}",
+            f"lower the weights of wheels and platform in [criterion] of robot {robot.name!r}, choose "
+            "another posture in [rest], or a law without the extended Jacobian",
+        )
+        return
+    least = int(found.sigma.argmin())
+    yield all_ok(
+        f"{_MINUTES:g} s of the task {_TASK!r}: sigma_min(J) at least {found.sigma[least]:.2g}, at "
+        f"t = {found.t[least]:.3g} s; sigma_min(J_e) at least {found.sigma_tip.min():.2g}"
+    )
+
+
+# Weights of the criterion on long runs ---------------------------------------------------------------
+
+_WAY = 100.0  # m that are driven
+_CIRCLE = 1.0  # m: radius of the circle on which the heading turns on the way
+_POOR = 0.5  # of the conditioning that the rule gives
+
+
+@check("weights", "the criterion pulls at nothing that grows with the way, and is well conditioned")
+def weights(subject: Subject) -> Iterator[Remark]:
+    robot = subject.robot
+    base = robot.platform.base_joints
+    if not base:
+        yield does_not_apply("the base is fixed")
+        return
+    own = dict(zip(robot.joint_names, robot.criterion_weights.tolist(), strict=True))
+    rule, heading = heading_weight(robot), base[-1]
+    grown = {wheel.joint: _WAY / wheel.radius for wheel in robot.platform.wheels}
+    if rule <= DRIVEN:
+        grown[heading] = _WAY / _CIRCLE
+    grown |= dict.fromkeys(base[:-1], _WAY)
+    arm = max(own[robot.joint_names[i]] for i in robot.arm_index)
+    pulling = [name for name, way in grown.items() if own[name] * way > arm]
+    where = f"[criterion] of robot {robot.name!r}: see docs/robots.md#the-criterion"
+    if pulling:
+        yield warning(
+            f"after {_WAY:g} m of way the criterion pulls harder at {some(map(repr, pulling))} than "
+            "at a joint of the arm that is a radian from rest, and the longer the way the harder: it "
+            "drives the arm into singularities",
+            f"set 'platform', 'wheels' and 'heading' to {DRIVEN:g}, {DRIVEN:g} and {rule:g} in {where}",
+        )
+    found = conditioning(robot, robot.criterion_weights)
+    by_rule = robot.criterion_weights.copy()
+    by_rule[robot.joint_names.index(heading)] = rule
+    best = conditioning(robot, by_rule)
+    if found < _POOR * best:
+        yield warning(
+            f"the criterion is badly conditioned in the tip's null space at rest: {found:.2g}, where "
+            f"the heading's weight {own[heading]:g} could be {rule:g} for {best:.2g}",
+            f"set 'heading' to {rule:g} in {where}",
+        )
+    yield all_ok(
+        f"conditioning of the criterion in the tip's null space at rest: {found:.2g}; after {_WAY:g} m "
+        f"the platform pulls as {max(own[name] * way for name, way in grown.items()) / arm:.1g} rad "
+        "of the arm do"
+    )

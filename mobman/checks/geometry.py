@@ -1,4 +1,5 @@
-"""Checks of the geometry: what stands on the ground, the wheels' radius, and the mesh files."""
+"""Checks of the geometry: what stands on the ground, the wheels' radius, the mesh files; and of what the
+URDFs state that the equations do not take."""
 
 from __future__ import annotations
 
@@ -239,3 +240,19 @@ def _listed(meshes: Sequence[MeshReference], fault: str) -> str:
 
 def _meshes(count: int) -> str:
     return f"{count} mesh{'es' if count > 1 else ''}"
+
+
+# What the URDFs state ----------------------------------------------------------------------------------
+
+
+@check("urdf", "everything that the URDFs state is taken, or said to be left out")
+def urdf(subject: Subject) -> Iterator[Remark]:
+    for file in subject.robot.urdf.files:
+        for remark in file.remarks:
+            yield warning(f"{file.path.name}, {remark}", "correct it there, if it is to be drawn")
+        if stated := file.friction:
+            yield ok(
+                f"{file.path.name} gives damping or friction to {len(stated)} joints "
+                f"({some(stated)}): the equations leave them out, the scenario 'urdf-friction' has them"
+            )
+    yield all_ok("nothing is left out")

@@ -24,8 +24,7 @@ from mobman.robots.urdf.meshes import mesh_paths
 from mobman.robots.urdf.shapes import placement, scalar, vector
 from mobman.robots.urdf.validate import shape_of
 from mobman.simulation.limits import BEYOND
-from mobman.viewer.meshes import Colour, MeshKey, Surface, read_meshes
-from mobman.viewer.wells import hollowed
+from mobman.viewer.meshes import Colour, MeshKey, Surface, hollowed, read_meshes
 
 _GREY: Colour = (0.72, 0.74, 0.77, 1.0)
 _DARK: Colour = (0.30, 0.33, 0.37, 1.0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
@@ -16,12 +16,11 @@ import numpy as np
 from mobman.arrays import Array, Index
 from mobman.errors import MobmanError, SpecError, UsageError
 from mobman.figures.looks import LAWS, MOTORS, looks_of
-from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.robots.catalogue import as_spec, find_spec, list_robots, registered_as
-from mobman.robots.spec import RobotSpec
+from mobman.robots.catalogue import find_spec, list_robots
 from mobman.robots.urdf.compose import BASE_JOINTS
-from mobman.robots.urdf.read import UrdfSources, urdf_sources
+from mobman.robots.urdf.read import UrdfSources, urdf_file, urdf_sources
+from mobman.simulation.parts import robot_of
 from mobman.simulation.record import Record
 from mobman.viewer.meshes import Surface
 from mobman.viewer.page import packed
@@ -396,87 +395,47 @@ def _decades(motions: Sequence[SampledRun]) -> list[int]:
 def robot_of_run(
     record: Record, folder: Path | None = None
 ) -> tuple[MobileManipulator | None, str]:
-    """Build the robot of a run, as the record describes it.
+    """Build the robot of a run from the description and the URDFs in its record.
 
-    It is built from the description in the record, its files being looked for where the registered
-    robot of that name has them, then in ``folder`` and in the working directory, and nowhere else; or it
-    is the registered robot. It counts only if its URDF is the run's (by its hash) and its coordinates
-    are. A platform that is Python code is the registered robot's, and only if that has the same
-    description: a record runs no code.
+    Meshes are looked for where the registered robot of that name has them, if it has the run's URDF (by
+    its hash), or else in ``folder``, and nowhere else. A platform that is Python code is the registered
+    robot's, and only if that has the same description: a record runs no code.
 
     Args:
         record: The run.
-        folder: The folder of the record's file.
+        folder: The folder of the record's file; the working directory if it has none.
 
     Returns:
         The robot, or None and why there is none.
     """
-    problems: list[str] = []
-    for spec, sources in _candidates(record, folder, problems):
-        with _noted(problems):
-            if (found := sources.sha256()) != record.urdf_sha256:
-                raise SpecError(
-                    f"its URDF {sources} is not the run's (SHA-256 {found[:12]}..., the run's "
-                    f"{record.urdf_sha256[:12]}...)"
-                )
-            robot = build_robot(spec, sources)
-            if robot.joint_names == record.joint_names and robot.nz == record.z.shape[1]:
-                return robot, ""
-            raise SpecError("its coordinates are not the run's")
-    # the first is about the registered robot, or else about the record's own description
-    return None, problems[0] if problems else "the record does not describe it"
-
-
-@contextmanager
-def _noted(problems: list[str]) -> Iterator[None]:
     try:
-        yield
-    except MobmanError as error:
-        problems.append(str(error))
-
-
-def _candidates(
-    record: Record, folder: Path | None, problems: list[str]
-) -> Iterator[tuple[RobotSpec, UrdfSources]]:
-    registered, own = None, None
-    with _noted(problems):
-        if record.robot in list_robots():  # it is a name alone, never a path
-            known = find_spec(record.robot)
-            registered = (known, urdf_sources(known))
-    with _noted(problems):
-        if isinstance(described := record.spec.get("robot"), dict):
-            own = as_spec({**described, "folder": Path(), "file": None})
-    if own is not None and own.code:
-        with _noted(problems):
-            known = registered_as(record.spec["robot"])
-            yield known, urdf_sources(known)
-        return
-    if own is not None:
-        if registered is not None:
-            yield own, registered[1]
-        for place in dict.fromkeys(path for path in (folder, Path.cwd()) if path is not None):
-            with _noted(problems):
-                yield own, _in_folder(own, place)
-    if registered is not None and not registered[0].code:
-        yield registered
-
-
-def _in_folder(spec: RobotSpec, place: Path) -> UrdfSources:
-    """The URDFs of a description in a folder, with the meshes that lie there.
-
-    Raises:
-        SpecError: If one is missing, or the description names a file elsewhere.
-    """
-    folder = place.resolve()
-    for part in spec.parts:
-        path = (folder / part.path).resolve()
-        if part.package is None and not path.is_relative_to(folder):
+        robot = robot_of(record.spec.get("robot", {}), record.urdf)
+        if (found := robot.urdf.sha256()) != record.urdf_sha256:
             raise SpecError(
-                f"its URDF {part.path} lies outside {folder}; register the robot {spec.name!r} to have "
-                "it drawn"
+                f"the URDF in the record is not the run's (SHA-256 {found[:12]}..., the run's "
+                f"{record.urdf_sha256[:12]}...)"
             )
-    sources = urdf_sources(spec.model_copy(update={"folder": folder}))
-    files = zip(spec.parts, sources.files, strict=True)
-    return UrdfSources(
-        tuple(file if part.package else replace(file, within=(folder,)) for part, file in files)
-    )
+        if robot.joint_names != record.joint_names or robot.nz != record.z.shape[1]:
+            raise SpecError("its coordinates are not the run's")
+    except MobmanError as error:
+        return None, str(error.__cause__ or error)
+    robot.urdf = _with_meshes(robot, (folder or Path.cwd()).resolve())
+    return robot, ""
+
+
+def _with_meshes(robot: MobileManipulator, folder: Path) -> UrdfSources:
+    """The URDFs of a robot, at the places that their meshes are looked for from."""
+    with suppress(MobmanError):
+        if robot.name in list_robots():  # it is a name alone, never a path
+            registered = urdf_sources(find_spec(robot.name))
+            if registered.sha256() == robot.urdf.sha256():
+                return registered
+    files = []
+    for part, file in zip(robot.spec.parts, robot.urdf.files, strict=True):
+        place = replace(file, path=folder / part.path, package_folders=(folder,), within=(folder,))
+        if part.package is not None:
+            with suppress(MobmanError):
+                installed = urdf_file(part, folder, "field 'urdf")
+                place = installed if installed.sha256() == file.sha256() else place
+        files.append(place)
+    return UrdfSources(tuple(files))

@@ -333,6 +333,7 @@ def urdf_beside_it_with_a_mesh_elsewhere(file, trap):
     look = f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual>'
     text = text.replace('<link name="arm_1">', f'<link name="arm_1">{look}')
     (trap.folder / "mine.urdf").write_text(text, encoding="utf-8")
+    _replaced(file, "urdf/0/youbot.urdf", data=np.frombuffer(text.encode(), dtype="u1"))
     import hashlib
 
     file.attrs["urdf_sha256"] = hashlib.sha256(text.encode()).hexdigest()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shutil
 import sys
 
 import numpy as np
@@ -12,15 +13,16 @@ import pytest
 
 import mobman as mm
 from mobman.viewer import meshes
-from mobman.viewer.meshes import Surface
+from mobman.viewer.meshes import Surface, hollowed
 from mobman.viewer.robot import Primitive, cylinder, robot_parts
 from mobman.viewer.scene import robot_of_run
 from mobman.viewer.view import make_scene
-from mobman.viewer.wells import hollowed
 from tests.support.poses import largest_difference
 from tests.support.variants import youbot_urdf, youbot_with_urdf
 
 MESH = '<visual><geometry><mesh filename="package://nowhere/{}"/></geometry></visual>'
+TRIANGLE = "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+TRIANGLE += "endloop\nendfacet\nendsolid x\n"
 BULKY = '<inertia ixx="3" iyy="4" izz="5"'
 
 
@@ -211,11 +213,11 @@ def test_broken_mesh_is_told(tmp_path, content):
 
 
 def test_unknown_robot_leaves_the_paths(runs, opened, tmp_path):
-    spec = {**runs("youbot").spec}
-    spec["robot"] = {**spec["robot"], "name": "mine", "urdf": {"path": "not_there.urdf"}}
-    record = dataclasses.replace(runs("youbot"), robot="mine", spec=spec)
+    record = dataclasses.replace(runs("youbot"), urdf={})
     file = tmp_path / "page.html"
-    with pytest.warns(UserWarning, match=r"'mine' is not drawn, only the paths: .*not_there.urdf"):
+    with pytest.warns(
+        UserWarning, match=r"'youbot' is not drawn, only the paths: .*not all in the"
+    ):
         view = mm.view(record, html=file)
     with opened(view.url) as page:
         page.evaluate("mobman.setTime(0.5)")
@@ -235,15 +237,20 @@ def test_other_urdf_is_not_taken_for_the_runs(runs):
 
 
 def test_robot_that_is_not_registered_is_built_from_the_record(runs, tmp_path):
-    """Its URDF lies beside the run's file."""
-    spec = {**runs("youbot").spec}
-    spec["robot"] = {**spec["robot"], "name": "mine", "urdf": {"path": "mine.urdf"}}
-    (tmp_path / "mine.urdf").write_text(youbot_urdf(), encoding="utf-8")
-    record = dataclasses.replace(runs("youbot"), robot="mine", spec=spec)
-    robot, problem = robot_of_run(record, tmp_path)
-    assert problem == ""
-    assert robot is not None
-    assert robot.name == "mine"
+    """Its URDF need not be anywhere; its meshes are those beside the run's file."""
+    mesh = MESH.replace("package://nowhere/", "").format("meshes/base.stl")
+    (tmp_path / "robot").mkdir()
+    own = _robot(tmp_path / "robot", lambda text: _in_link(text, "platform", mesh))
+    record = mm.simulate(own, "pseudo-inverse", "circle", duration=0.02)
+    shutil.rmtree(tmp_path / "robot")
+    for there in (False, True):
+        if there:
+            (tmp_path / "meshes").mkdir()
+            (tmp_path / "meshes" / "base.stl").write_text(TRIANGLE)
+        robot, problem = robot_of_run(record, tmp_path)
+        assert problem == ""
+        assert robot.name == own.name
+        assert (robot_parts(robot)[1] == []) == there
 
 
 def test_meshes_are_read_without_the_libraries_of_the_extra(monkeypatch):
