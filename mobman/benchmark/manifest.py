@@ -47,14 +47,22 @@ class Manifest:
         Raises:
             OSError: If it cannot be written; one that is there is left as it was.
         """
-        shared = _Shared()
+        shared: dict[str, int] = {}  # tables that thousands of runs have in common, each once
+
+        def folded(value: Any) -> Any:
+            """The index of a table, in its place."""
+            if not isinstance(value, dict):
+                return value
+            return shared.setdefault(json.dumps(value, sort_keys=True, default=str), len(shared))
+
+        runs = [{key: folded(value) for key, value in run.as_dict().items()} for run in self.runs]
         content = {
             "schema_version": SCHEMA_VERSION,
             "suite": self.suite.model_dump(mode="json", by_alias=True),
             "seconds": self.seconds,
             "workers": self.workers,
-            "runs": [shared.fold(run.as_dict()) for run in self.runs],
-            "shared": shared.parts,
+            "runs": runs,
+            "shared": [json.loads(text) for text in shared],
             "records": dict(self.hashes),
         }
         write_whole(folder / NAME, json.dumps(content).encode())
@@ -86,7 +94,10 @@ def read_manifest(folder: Path) -> Manifest:
         )
     try:
         parts = content["shared"]
-        runs = [RunSpec.of_fields(_unfold(run, parts)) for run in content["runs"]]
+        runs = [
+            RunSpec.of_fields({k: parts[v] if k in _TABLES else v for k, v in run.items()})
+            for run in content["runs"]
+        ]
         suite = Suite.model_validate(content["suite"])
         seconds, workers = content["seconds"], content["workers"]
         for name, value in (("seconds", seconds), ("workers", workers)):
@@ -98,29 +109,3 @@ def read_manifest(folder: Path) -> Manifest:
         raise MobmanError(
             f"{path} is not whole ({type(error).__name__}: {error}). {_ADVICE}"
         ) from error
-
-
-class _Shared:
-    """Tables that thousands of runs have in common, each kept once."""
-
-    def __init__(self) -> None:
-        self.parts: list[Any] = []
-        self._indices: dict[str, int] = {}
-
-    def fold(self, run: dict[str, Any]) -> dict[str, Any]:
-        """A run with the indices of its tables instead of these."""
-        return {
-            key: self._index(value) if isinstance(value, dict) else value
-            for key, value in run.items()
-        }
-
-    def _index(self, part: dict[str, Any]) -> int:
-        text = json.dumps(part, sort_keys=True, default=str)
-        if text not in self._indices:
-            self._indices[text] = len(self.parts)
-            self.parts.append(json.loads(text))
-        return self._indices[text]
-
-
-def _unfold(run: dict[str, Any], parts: list[Any]) -> dict[str, Any]:
-    return {key: parts[value] if key in _TABLES else value for key, value in run.items()}

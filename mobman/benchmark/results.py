@@ -45,32 +45,17 @@ def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
     Raises:
         MobmanError: If the folder holds no results.
     """
-    store = Store(folder)
-    reasons = {failure.run_id: failure.reason for failure in store.failures}
+    store, names = Store(folder), ("law", "placement", "seed", "dt", "duration")
     rows: list[dict[str, Any]] = []
-    for run in store.runs:
-        path = store.path(run)
-        row: dict[str, Any] = {
-            "run_id": run.run_id,
-            "robot": run.robot,
-            "task": run.task,
-            "scenario": run.scenario["name"],
-            "controller": run.label,
-            "law": run.law,
-            "placement": run.placement,
-            "seed": run.seed,
-            "dt": run.dt,
-            "duration": run.duration,
-        }
-        try:
-            summary = store.summary(run)
-        except RecordError as error:
-            there = os.path.lexists(path)
-            reason = reasons.get(run.run_id) or (str(error) if there else "")
+    for run, found, reason in store.outcomes():
+        row: dict[str, Any] = {"run_id": run.run_id, "robot": run.robot, "task": run.task}
+        row |= {"scenario": run.scenario["name"], "controller": run.label}
+        row |= {name: getattr(run, name) for name in names}
+        if isinstance(found, RecordError):
             row |= {"status": "failed" if reason else "pending", "message": reason, "file": ""}
         else:
-            row |= {"status": summary.status, "message": summary.message, "file": str(path)}
-            row |= summary.metrics
-            row |= {f"singular_{name}": value for name, value in summary.singularity.items()}
+            row |= {"status": found.status, "message": found.message, "file": str(store.path(run))}
+            row |= found.metrics
+            row |= {f"singular_{name}": value for name, value in found.singularity.items()}
         rows.append(row)
     return pd.DataFrame(rows).set_index("run_id")

@@ -6,8 +6,10 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -76,15 +78,14 @@ class Store:
                     f"{suite.name!r}; choose another folder with -o"
                 )
             manifest = replace(before, suite=suite, runs=manifest.runs)
-        try:
-            for name in ("runs", "failures"):
-                (self.folder / name).mkdir(parents=True, exist_ok=True)
-                self._clear(self.folder / name)
-            self._clear(self.folder)
+        with self._writing():
+            for folder in (self.folder / "runs", self.folder / "failures", self.folder):
+                folder.mkdir(parents=True, exist_ok=True)
+                for leftover in folder.glob(".*.tmp"):
+                    if is_abandoned(leftover):
+                        leftover.unlink(missing_ok=True)
             manifest.write(self.folder)
             sync_folder(self.folder.absolute().parent)
-        except OSError as error:
-            raise self._cannot_write(error) from error
 
     def keep(self, run: RunSpec, content: bytes) -> None:
         """Keep a run's record.
@@ -103,11 +104,9 @@ class Store:
             found.append(read_summary(temporary))
             require_record_of(run, found[0], path)
 
-        try:
+        with self._writing():
             write_whole(path, content, check)
             self._failure(run.run_id).unlink(missing_ok=True)
-        except OSError as error:
-            raise self._cannot_write(error) from error
         self._known_hashes[run.run_id] = hashlib.sha256(content).hexdigest()
         self._summaries[path] = (_state(path), found[0])
 
@@ -118,10 +117,8 @@ class Store:
             MobmanError: If it cannot be written.
         """
         content = json.dumps({"run_id": run.run_id, "run": str(run), "reason": reason})
-        try:
+        with self._writing():
             write_whole(self._failure(run.run_id), content.encode())
-        except OSError as error:
-            raise self._cannot_write(error) from error
 
     def finish(self, seconds: float | None = None, workers: int | None = None) -> None:
         """Note the time that the runs took and the hashes of the records, and rebuild the index.
@@ -137,7 +134,8 @@ class Store:
         after = replace(before, hashes=dict(self._known_hashes))
         if seconds is not None:
             after = replace(after, seconds=seconds + (before.seconds or 0.0), workers=workers)
-        self._write(after)
+        with self._writing():
+            after.write(self.folder)
         self.rebuild_index()
 
     @property
@@ -237,11 +235,12 @@ class Store:
             raise RecordError(str(error)) from error
         except OSError:
             return read_summary(path)  # which says what is wrong
-        kept = self._summaries.get(path)
-        if kept is None or kept[0] != state:
-            summary = read_summary(path)
-            if run is not None:
-                require_record_of(run, summary, path)
+        kept, summary = self._summaries.get(path, (None, None))
+        if summary is None or kept != state:
+            kept, summary = None, read_summary(path)
+        if run is not None:
+            require_record_of(run, summary, path)
+        if kept is None:
             written = self._known_hashes.get(path.stem)
             if written is None:
                 load_record(path)
@@ -249,10 +248,18 @@ class Store:
             elif written != _hash(path):
                 raise RecordError(f"{path} is damaged: its content is not what was written")
             self._summaries[path] = (state, summary)
-            return summary
-        if run is not None:
-            require_record_of(run, kept[1], path)
-        return kept[1]
+        return summary
+
+    def outcomes(self) -> Iterator[tuple[RunSpec, RecordSummary | RecordError, str]]:
+        """Yield every run of the suite, its record's summary or what is wrong with it, and why there is
+        none: empty where the run is done, or is not done yet."""
+        reasons = {failure.run_id: failure.reason for failure in self.failures}
+        for run in self.runs:
+            try:
+                yield run, self.summary(run), ""
+            except RecordError as error:
+                there = os.path.lexists(self.path(run))
+                yield run, error, reasons.get(run.run_id) or (str(error) if there else "")
 
     def forget(self, runs: Iterable[RunSpec]) -> None:
         """Remove records, so that they are run again; with the last, the time that they took.
@@ -260,15 +267,13 @@ class Store:
         Raises:
             MobmanError: If they cannot be removed.
         """
-        try:
+        with self._writing():
             for run in runs:
                 self.path(run).unlink(missing_ok=True)
                 self._failure(run.run_id).unlink(missing_ok=True)
                 self._known_hashes.pop(run.run_id, None)
             if not any(self.path(run).exists() for run in self.runs):
                 replace(self.manifest, seconds=None, workers=None).write(self.folder)
-        except OSError as error:
-            raise self._cannot_write(error) from error
 
     def rebuild_index(self) -> Path:
         """Write ``index.h5`` again: a link to every record, and a table of specs and metrics.
@@ -276,17 +281,12 @@ class Store:
         Raises:
             MobmanError: If it cannot be written.
         """
-        rows = []
-        for run in self.runs:
-            try:
-                rows.append((run, self.summary(run)))
-            except RecordError:
-                continue  # not run yet, or among the failures
+        rows = [
+            (run, found) for run, found, _ in self.outcomes() if isinstance(found, RecordSummary)
+        ]
         path = self.folder / "index.h5"
-        try:
+        with self._writing():
             write_whole(path, _index(rows))
-        except OSError as error:
-            raise self._cannot_write(error) from error
         return path
 
     @property
@@ -299,20 +299,13 @@ class Store:
     def _failure(self, run_id: str) -> Path:
         return self.folder / "failures" / f"{run_id}.json"
 
-    def _write(self, manifest: Manifest) -> None:
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
         try:
-            manifest.write(self.folder)
+            yield
         except OSError as error:
-            raise self._cannot_write(error) from error
-
-    def _cannot_write(self, error: OSError) -> MobmanError:
-        return MobmanError(f"cannot write to {self.folder}: {error.strerror or error}")
-
-    @staticmethod
-    def _clear(folder: Path) -> None:
-        for leftover in folder.glob(".*.tmp"):
-            if is_abandoned(leftover):
-                leftover.unlink(missing_ok=True)
+            words = error.strerror or error
+            raise MobmanError(f"cannot write to {self.folder}: {words}") from error
 
 
 def require_record_of(run: RunSpec, summary: RecordSummary, path: Path) -> None:
@@ -360,31 +353,23 @@ def _index(rows: Sequence[tuple[RunSpec, RecordSummary]]) -> bytes:
         ids = [run.run_id for run, _ in rows]
         for run_id in ids:
             links[run_id] = h5py.ExternalLink(f"runs/{run_id}.h5", "/")
-        columns: dict[str, list[str]] = {
-            "run_id": ids,
-            **{
-                name: [getattr(run, name) for run, _ in rows]
-                for name in ("label", "robot", "task", "family")
-            },
-            "scenario": [run.scenario["name"] for run, _ in rows],
-            **{
-                name: [getattr(record, name) for _, record in rows]
-                for name in ("status", "message", "state_sha256")
-            },
-            "spec_json": [
-                json.dumps(run.as_dict(), sort_keys=True, default=str) for run, _ in rows
-            ],
-        }
-        for name, values in columns.items():
+        texts: dict[str, list[str]] = {"run_id": ids}
+        for name in ("label", "robot", "task", "family"):
+            texts[name] = [getattr(run, name) for run, _ in rows]
+        texts["scenario"] = [run.scenario["name"] for run, _ in rows]
+        for name in ("status", "message", "state_sha256"):
+            texts[name] = [getattr(record, name) for _, record in rows]
+        specs = (run.as_dict() for run, _ in rows)
+        texts["spec_json"] = [json.dumps(spec, sort_keys=True, default=str) for spec in specs]
+        for name, values in texts.items():
             table.create_dataset(name, data=values, dtype=h5py.string_dtype())
-        numbers: dict[str, type] = {"placement": int, "seed": int, "dt": float, "duration": float}
-        for name, kind in numbers.items():
-            column: Any = np.array([getattr(run, name) for run, _ in rows], dtype=kind)
-            table.create_dataset(name, data=column)
+        for name, kind in {"placement": int, "seed": int, "dt": float, "duration": float}.items():
+            column = [getattr(run, name) for run, _ in rows]
+            table.create_dataset(name, data=np.array(column, dtype=kind))
         metrics = table.create_group("metrics")
         for name in sorted({name for _, record in rows for name in record.metrics}):
-            column = np.array([record.metrics.get(name, np.nan) for _, record in rows], dtype=float)
-            metrics.create_dataset(name, data=column)
+            metric = [record.metrics.get(name, np.nan) for _, record in rows]
+            metrics.create_dataset(name, data=np.array(metric, dtype=float))
     return content.getvalue()
 
 
@@ -421,22 +406,20 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
     if (target.folder / NAME).exists():
         sources.insert(0, target)
     manifests = [source.manifest for source in sources]
-    names = {
-        manifest.suite.name: source for manifest, source in zip(manifests, sources, strict=True)
-    }
+    both = list(zip(manifests, sources, strict=True))
+    names = {manifest.suite.name: source.folder for manifest, source in both}
     if len(names) > 1:
-        found = ", ".join(f"{name!r} in {store.folder}" for name, store in names.items())
+        found = ", ".join(f"{name!r} in {folder}" for name, folder in names.items())
         raise MobmanError(f"these are results of different suites: {found}")
-    for manifest, source in zip(manifests, sources, strict=True):
+    for manifest, source in both:
         if manifest.schema_version != SCHEMA_VERSION:
             raise MobmanError(
                 f"{source.folder} holds results made by an earlier mobman (schema "
                 f"{manifest.schema_version}), which are not joined with others"
             )
     runs: dict[str, RunSpec] = {}
-    for manifest in manifests:
-        for run in manifest.runs:
-            runs.setdefault(run.run_id, run)
+    for run in chain.from_iterable(manifest.runs for manifest in manifests):
+        runs.setdefault(run.run_id, run)
     target.begin(manifests[0].suite, runs.values())
     copied, unusable, conflicts = 0, [], []
     for source in sources:
@@ -464,8 +447,9 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
                 target.fail(lost, failure.reason)
     seconds = [manifest.seconds for manifest in manifests if manifest.seconds is not None]
     workers = [manifest.workers for manifest in manifests if manifest.workers is not None]
-    before = target.manifest
-    target._write(replace(before, seconds=sum(seconds) or None, workers=sum(workers) or None))
+    whole = replace(target.manifest, seconds=sum(seconds) or None, workers=sum(workers) or None)
+    with target._writing():
+        whole.write(target.folder)
     target.finish()
     there = sum(target.done(run) for run in runs.values())
     return Merged(len(runs), there, copied, unusable, conflicts)

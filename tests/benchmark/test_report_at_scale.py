@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from support.reported import lost_run, made_up_record, made_up_run, made_up_runs, results_of
 from support.suites import small_suite
 
+from mobman.benchmark.report import report
 from mobman.benchmark.report.charts import (
     cell_figures,
     looks_for,
@@ -40,6 +41,7 @@ from mobman.benchmark.report.tables import (
 )
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
+from mobman.benchmark.suite_tables import TunedFrom
 from mobman.cli.bench import report_command
 from mobman.errors import MobmanError, RecordError, UsageError
 from mobman.figures.files import Print
@@ -304,12 +306,13 @@ def test_a_suite_of_many_cells_is_whole_in_its_tables_and_selected_in_its_figure
     assert float(rows[0]["task_error_max"]) == runs[0]["metrics"]["task_error_max"]
 
 
-def test_cells_in_between_are_all_drawn_small(tmp_path):
-    runs = made_up_runs({"good": 1e-8, "poor": 1e-2}, [f"s{i}" for i in range(90)])
+def test_cells_in_between_are_all_drawn_small(tmp_path, monkeypatch):
+    monkeypatch.setattr(report, "_BUDGET", 5 * report._WHOLE)
+    runs = made_up_runs({"good": 1e-8, "poor": 1e-2}, [f"s{i}" for i in range(6)])
     written = write_report(tmp_path, results_of(runs))
     html = written.html.read_text(encoding="utf-8")
     for what in ("task error", "auxiliary error", "torque"):
-        assert html.count(f'aria-label="Norm of the {what} against time') == 90
+        assert html.count(f'aria-label="Norm of the {what} against time') == 6
 
 
 def test_cells_can_be_asked_for_by_name(tmp_path):
@@ -417,17 +420,16 @@ def test_curves_keep_their_shape_with_few_points():
 
 def test_tuned_gains_show_their_budget():
     runs = made_up_runs({"pinv": 1e-3, "pinv-tuned": 1e-4}, SCENARIOS[:2])
-    tuned = {
-        "pinv-tuned": {
-            "label": "pinv",
-            "trials": 30,
-            "trial": 12,
-            "objective": "error",
-            "score_default": -2.0,
-            "score": -4.5,
-            "space": {"K_p": {"low": 1.0, "high": 100.0, "log": True}},
-        }
-    }
+    origin = TunedFrom(
+        label="pinv",
+        trials=30,
+        trial=12,
+        objective="error",
+        score_default=-2.0,
+        score=-4.5,
+        space={"K_p": {"low": 1.0, "high": 100.0, "log": True}},
+    )
+    tuned = {"pinv-tuned": origin}
     remarks = {item.label: item.remark for item in settings_of(results_of(runs, tuned=tuned))}
     assert remarks["pinv-tuned"].startswith("Tuned from pinv in 30 trials.")
     assert "Tuned" not in remarks["pinv"]
@@ -437,7 +439,7 @@ def test_tuned_gains_show_their_budget():
     ]  # fmt: skip
     assert tuning_table({}) is None
     assert unequal_budgets(tuned) == ""
-    other = {"x-tuned": {**tuned["pinv-tuned"], "trials": 300}}
+    other = {"x-tuned": origin.model_copy(update={"trials": 300})}
     assert "not equal" in unequal_budgets(tuned | other)
     found = results_of(runs, tuned=tuned)
     (row,) = tuned_table(found, board_of(found)).rows
@@ -566,20 +568,19 @@ def test_one_winner_is_bold_and_only_where_the_intervals_allow_it():
     assert "bold" not in latex_table(table, winners=False)
 
 
-@pytest.mark.parametrize(("column", "inches"), [("single", 3.5), ("double", 7.16)])
-def test_figures_are_of_the_columns_width_in_the_font(tmp_path, column, inches):
-    how = Print(column, "serif", 9.0)
+def test_figures_are_of_the_columns_width_in_the_font(latex, tmp_path):
+    how = Print("double", "serif", 9.0)
     write_latex(tmp_path, results_of(made_up_runs(THREE, SCENARIOS[:3])), (), how)
-    for path in tmp_path.glob("*.pdf"):
-        content = path.read_bytes()
-        width = float(re.search(rb"/MediaBox *\[ *0 0 ([0-9.]+)", content)[1])
-        assert width == pytest.approx(72.0 * inches, abs=1.5), path.name
-        assert b"Serif" in b"".join(re.findall(rb"/BaseFont */\S+", content))
-    example = (tmp_path / "example.tex").read_text(encoding="utf-8")
-    star = "*" if column == "double" else ""
-    assert rf"\begin{{figure{star}}}" in example
-    captions = re.findall(r"\\caption\{(.*)\}", example)
-    assert all("youbot" in caption and "circle" in caption for caption in captions)
+    for folder, inches, star in ((latex, 3.5, ""), (tmp_path, 7.16, "*")):
+        for path in folder.glob("*.pdf"):
+            content = path.read_bytes()
+            width = float(re.search(rb"/MediaBox *\[ *0 0 ([0-9.]+)", content)[1])
+            assert width == pytest.approx(72.0 * inches, abs=1.5), path.name
+            assert b"Serif" in b"".join(re.findall(rb"/BaseFont */\S+", content))
+        example = (folder / "example.tex").read_text(encoding="utf-8")
+        assert rf"\begin{{figure{star}}}" in example
+        captions = re.findall(r"\\caption\{(.*)\}", example)
+        assert all("youbot" in caption and "circle" in caption for caption in captions)
 
 
 def test_a_font_that_is_not_there_is_told(tmp_path):
@@ -603,7 +604,7 @@ def latex(tmp_path_factory):
         for label, error in (("tsm", 1e-9), ("p_inv", 1e-3), ("lost", math.inf))
     ]
     failure = lost_run({**runs[0], "scenario": "cold"}, "no <tip>")
-    write_latex(folder, results_of(runs, [failure], **SUITE))
+    write_latex(folder, results_of(runs, [failure], **SUITE), (), Print("single", "serif", 9.0))
     return folder
 
 

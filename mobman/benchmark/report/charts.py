@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 from mobman.arrays import Array
-from mobman.benchmark.report.data import DONE, Results
+from mobman.benchmark.report.data import DONE, NOMINAL, Results
 from mobman.benchmark.report.format import instant, interval_range, number
 from mobman.benchmark.report.standings import EFFORTS, Board, Price, clusters, upper_median
-from mobman.benchmark.statistics import performance_profile, score_profile
+from mobman.benchmark.statistics import Interval, performance_profile, score_profile
 from mobman.figures.charts import (
     FLOOR,
     GREY,
@@ -61,7 +61,7 @@ def looks_for(results: Results) -> dict[str, Look]:
     runs = results.runs
     done = runs[runs.state == DONE].drop_duplicates("label").set_index("label").law
     laws = {label: done.get(label, label) for label in results.labels}
-    tuned = {label: str(item.get("label")) for label, item in results.tuned.items()}
+    tuned = {label: item.label for label, item in results.tuned.items()}
     return looks_of(laws, set(runs.label[runs.explicit]), tuned)
 
 
@@ -158,17 +158,10 @@ def _names(kind: Any, field: str, names: Iterable[str]) -> Any:
 def leaderboard_figure(board: Board, looks: Looks) -> Figure:
     """Draw the geometric interquartile mean of each controller, with its interval."""
     names = [s.label for s in board.ranked]
-    rows = [
-        {
-            "label": s.label,
-            "at": s.label,
-            "error": s.error.estimate,
-            "low": s.error.low,
-            "high": s.error.high,
-            "value": f"{number(s.error.estimate)} m ({interval_range(s.error)})",
-        }
-        for s in board.ranked
-    ]
+    rows = []
+    for s in board.ranked:
+        words = f"{number(s.error.estimate)} m ({interval_range(s.error)})"
+        rows.append({"label": s.label, "at": s.label, **_spread(s.error), "value": words})
     title = (
         "Geometric interquartile mean of the steady task error of each controller, with intervals"
     )
@@ -180,6 +173,10 @@ def leaderboard_figure(board: Board, looks: Looks) -> Figure:
         "Geometric interquartile mean over cells with 95 % intervals; dotted: 1e-4 m, below which a run "
         "can succeed; ×: failures are in the middle half.",
     )
+
+
+def _spread(error: Interval) -> dict[str, float]:
+    return {"error": error.estimate, "low": error.low, "high": error.high}
 
 
 def overview_figure(results: Results, group: str, looks: Looks) -> Figure:
@@ -219,9 +216,9 @@ def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Fi
     cells = results.cells.loc[board.cells]
     errors = results.errors.loc[board.cells, board.labels]
     table = errors.groupby(cells[column], sort=False).agg(upper_median)
-    family = cells.drop_duplicates(column).set_index(column).family
-    order = {f: i for i, f in enumerate(cells.family.unique())}
     if column == "case":
+        family = cells.drop_duplicates(column).set_index(column).family
+        order = {f: i for i, f in enumerate(cells.family.unique())}
         table = table.sort_index(key=lambda names: family[names].map(order), kind="stable")
     shown = table[:_MOST_SCENARIOS]
     low, high = decades(np.maximum(shown.to_numpy().ravel(), FLOOR))
@@ -286,11 +283,8 @@ def sensitivity_figure(results: Results, looks: Looks) -> Figure | None:
     """Draw error against the number that a grid of scenarios sweeps, a chart a family."""
     charts = []
     for family, cells in results.cells.groupby("family", sort=False):
-        start = f"{family}-"
-        numbers = [
-            _number(s[len(start) :]) if s.startswith(start) else None for s in cells.scenario
-        ]
-        swept = pd.Series(numbers, cells.index, dtype=float)
+        own = cells.scenario.where(cells.scenario.str.startswith(f"{family}-"))
+        swept = pd.to_numeric(own.str.removeprefix(f"{family}-"), errors="coerce")
         if swept.notna().all() and swept.nunique() > 2:
             spec = _sweep(results, looks, cells, swept, str(family), f"value of {family}")
             charts += [spec] if spec else []
@@ -300,13 +294,6 @@ def sensitivity_figure(results: Results, looks: Looks) -> Figure | None:
         "more fail."
     )
     return Figure("sensitivity", charts, caption, across=True) if charts else None
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def _sweep(
@@ -351,23 +338,18 @@ def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
     shares = performance_profile(errors, taus, floor=FLOOR)
     kinds = clusters(results, board.cells)
     scores = [score_profile(np.maximum(own, FLOOR), thresholds, clusters=kinds) for own in errors]
-    left = [
-        {"label": label, "x": taus, "y": share}
-        for label, share in zip(board.labels, shares, strict=True)
-    ]
-    right = [
-        {"label": label, "x": thresholds, "y": s.share, "low": s.low, "high": s.high}
-        for label, s in zip(board.labels, scores, strict=True)
-    ]
+    left: list[dict[str, Any]] = []
+    right: list[dict[str, Any]] = []
+    for label, share, s in zip(board.labels, shares, scores, strict=True):
+        left.append({"label": label, "x": taus, "y": share})
+        right.append({"label": label, "x": thresholds, "y": s.share, "low": s.low, "high": s.high})
     shown = {label: looks[label] for label in board.labels}
-    title = "Performance profile and score profile of the steady task error"
+    within = log_axis(1.0, factor, "within this factor of the cell's best")
+    at_most = log_axis(low, high, "steady |eᵉ| at most  (m)")
     charts = [
-        _profile(
-            left, shown, title, log_axis(1.0, factor, "within this factor of the cell's best")
-        ),
-        _profile(right, shown, title, log_axis(low, high, "steady |eᵉ| at most  (m)")),
+        {**_profile(left, shown, within), "title": "Performance profile"},
+        {**_profile(right, shown, at_most), "title": "Score profile"},
     ]
-    charts[0]["title"], charts[1]["title"] = "Performance profile", "Score profile"
     caption = (
         "Performance profile: the share of cells in which a controller’s error is within a factor of "
         "the least of all controllers there; at 1, where it is the best. Score profile: the share of "
@@ -377,7 +359,8 @@ def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
     return Figure("profiles", charts, caption, across=True)
 
 
-def _profile(rows: list[dict[str, Any]], looks: Looks, title: str, axis: dict[str, Any]) -> Spec:
+def _profile(rows: list[dict[str, Any]], looks: Looks, axis: dict[str, Any]) -> Spec:
+    title = "Performance profile and score profile of the steady task error"
     fields: list[Any] = list(rows[0])[1:]
     rows = sorted(rows, key=lambda row: looks[row["label"]].depth)
     base = inherited().transform_flatten(fields)
@@ -408,9 +391,7 @@ def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure
             {
                 "label": p.label,
                 "at": p.effort.estimate,
-                "error": p.error.estimate,
-                "low": p.error.low,
-                "high": p.error.high,
+                **_spread(p.error),
                 "from": max(p.effort.low, left),
                 "to": min(p.effort.high, right),
                 "value": f"{number(p.error.estimate)} m at {number(p.effort.estimate)}",
@@ -443,11 +424,34 @@ class CellFigures(NamedTuple):
 
 def papers_cell(results: Results) -> int | None:
     """Find the cell whose figures are the paper's: its task where nothing is changed."""
-    cells = results.cells[
-        (results.cells.task == PAPERS_TASK) & (results.cells.scenario == "nominal")
-    ]
-    done = results.runs.cell[results.runs.state == DONE]
-    return next((int(cell) for cell in cells.index if cell in set(done)), None)
+    cells, done = results.cells, set(results.runs.cell[results.runs.state == DONE])
+    papers = cells.index[(cells.task == PAPERS_TASK) & (cells.scenario == NOMINAL)]
+    return next((int(cell) for cell in papers if cell in done), None)
+
+
+_CURVES: dict[str, tuple[str, str, Callable[[Any], Array]]] = {
+    "task error": (
+        _ERROR[7:],
+        "Euclidean norm of the task errors e^e. Dotted: 1e-4 m.",
+        lambda record: record.task_error[:, :3],
+    ),
+    "auxiliary error": (
+        "|eᵃ|",
+        "Euclidean norm of the auxiliary errors e^a: how far from (locally) optimal for the criterion.",
+        lambda record: record.auxiliary_error,
+    ),
+    "orientation error": (
+        "|eₒ|  (rad)",
+        "Euclidean norm of the orientation errors e_o. Dotted: 1e-4 rad.",
+        lambda record: record.task_error[:, 3:],
+    ),
+    "torque": (
+        "|v|  (N m or N)",
+        "Euclidean norm of the torques v.",
+        lambda record: record.torque,
+    ),
+}
+"""Norms that are drawn against time: title of the axis, caption, and values in columns."""
 
 
 def cell_figures(
@@ -464,52 +468,31 @@ def cell_figures(
     """
     name, duration = results.cells.name[cell], float(results.cells.duration[cell])
     own_runs = results.runs[(results.runs.cell == cell) & (results.runs.state == DONE)]
-    runs = own_runs[own_runs.seed == own_runs.seed.iloc[0]]
-    records = {run.label: (run, results.samples(run)) for run in runs.itertuples()}
-    records = {label: found for label, found in records.items() if found[1] is not None}
+    records: dict[str, tuple[Any, Any]] = {}
+    for run in own_runs[own_runs.seed == own_runs.seed.iloc[0]].itertuples():
+        if (record := results.samples(run)) is not None:
+            records[run.label] = run, record
     if not records:
         return CellFigures(cell, [], [])
-    shown_values: dict[str, tuple[str, str, Callable[[Any], Array]]] = {
-        "task error": (
-            _ERROR[7:],
-            "Euclidean norm of the task errors e^e. Dotted: 1e-4 m.",
-            lambda record: record.task_error[:, :3],
-        ),
-        "auxiliary error": (
-            "|eᵃ|",
-            "Euclidean norm of the auxiliary errors e^a: how far from (locally) optimal for the "
-            "criterion.",
-            lambda record: record.auxiliary_error,
-        ),
-    }
+    wanted = ["task error", "auxiliary error"]
     if any(record.tip_orientation is not None for _, record in records.values()):
-        shown_values["orientation error"] = (
-            "|eₒ|  (rad)",
-            "Euclidean norm of the orientation errors e_o. Dotted: 1e-4 rad.",
-            lambda record: record.task_error[:, 3:],
-        )
-    if not motor_columns:
-        shown_values["torque"] = (
-            "|v|  (N m or N)",
-            "Euclidean norm of the torques v.",
-            lambda record: record.torque,
-        )
+        wanted.append("orientation error")
     figures = []
-    for what, (axis, caption, values) in shown_values.items():
+    for what in wanted if motor_columns else [*wanted, "torque"]:
+        axis, caption, values = _CURVES[what]
         curves, good = [], []
         for label, (run, record) in records.items():
             curve = _norm(label, record.t, values(record), columns, run)
             curves.append(curve)
             good += [curve.values] if run.ok else []
-        # a run that diverges must not take the scale away from those that do not
-        limits = decades(np.concatenate(good or [c.values for c in curves]))
         spec = time_chart(
             curves,
             looks,
             title=f"Norm of the {what} against time, log axis: {name}",
             axis=axis,
             duration=duration,
-            limits=limits,
+            # a run that diverges must not take the scale away from those that do not
+            limits=decades(np.concatenate(good or [c.values for c in curves])),
             steady=STEADY * duration,
             mark=SUCCESS if what in ("task error", "orientation error") else None,
             height=240.0 if motor_columns else 170.0,
@@ -518,22 +501,30 @@ def cell_figures(
     if not motor_columns:
         charts = [figure.charts[0] for figure in figures]
         return CellFigures(cell, [Figure(name, charts, "", across=True)], [])
-    law = [
-        label for label, (run, _) in records.items() if run.law == PAPERS_LAW and not run.explicit
-    ]
-    shown = law[0] if law else next(iter(records))
-    others = []
+    torques, more = _torques(records, name, duration, motor_columns)
+    figures.append(torques)
+    if results.cells.task[cell] == PAPERS_TASK and results.cells.scenario[cell] == NOMINAL:
+        figures = [f._replace(caption=f"Fig. {i}. {f.caption}") for i, f in enumerate(figures, 2)]
+    return CellFigures(cell, figures, more)
+
+
+def _torques(
+    records: Mapping[str, tuple[Any, Any]], name: str, duration: float, columns: int
+) -> tuple[Figure, list[Figure]]:
+    """Draw the torques of the paper's law, or else of the first, and of the others on demand."""
+    law = (k for k, (run, _) in records.items() if run.law == PAPERS_LAW and not run.explicit)
+    shown, others = next(law, next(iter(records))), []
     for label, (run, record) in records.items():
-        first = label == shown
-        heading = label if run.ok else f"{label}: {run.status} at {instant(_end(run, record))}"
+        first, end = label == shown, _end(run, record)
+        heading = label if run.ok else f"{label}: {run.status} at {instant(end)}"
         charts = torque_charts(
             record.t,
             record.torque,
             list(record.velocity_names),
             title=f"Torques of {label} against time: {name}",
             duration=duration,
-            end=math.nan if run.ok else _end(run, record),
-            columns=motor_columns,
+            end=math.nan if run.ok else end,
+            columns=columns,
             together=not first,
             heading="" if first else heading,
         )
@@ -541,7 +532,7 @@ def cell_figures(
             caption = (
                 f"Torques v of {label}; alpha_i: motors of the platform, in its quasi-velocities."
             )
-            figures.append(Figure(f"{name} torque", charts, caption))
+            figure = Figure(f"{name} torque", charts, caption)
         else:
             others += charts
     caption = (
@@ -549,10 +540,7 @@ def cell_figures(
         "off where it leaves the scale of what came before."
     )
     more = [Figure(f"{name} other torques", others, caption, across=True)] if others else []
-    if results.cells.task[cell] == PAPERS_TASK and results.cells.scenario[cell] == "nominal":
-        for i, found in enumerate(figures):
-            figures[i] = found._replace(caption=f"Fig. {i + 2}. {found.caption}")
-    return CellFigures(cell, figures, more)
+    return figure, more
 
 
 def _norm(label: str, t: Array, values: Array, columns: int, run: Any) -> Curve:

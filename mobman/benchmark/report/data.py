@@ -19,6 +19,7 @@ import pandas as pd
 from mobman.arrays import Array
 from mobman.benchmark.statistics import FLOOR
 from mobman.benchmark.store import Store
+from mobman.benchmark.suite_tables import TunedFrom
 from mobman.errors import MobmanError, RecordError
 from mobman.input_file import check_within
 from mobman.printable import printable
@@ -68,7 +69,7 @@ class Results:
     description: str = ""
     seconds: float | None = None
     workers: int | None = None
-    tuned: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    tuned: Mapping[str, TunedFrom] = field(default_factory=dict)
     folder: str = "DIR"
     unused: dict[str, str] = field(default_factory=dict)
 
@@ -174,6 +175,15 @@ class Results:
         """True where a seed was not run yet, so that nothing is known."""
         return self.by_cell(self.runs.state == NOT_RUN, "any").eq(True)
 
+    @cached_property
+    def counts(self) -> dict[str, pd.DataFrame]:
+        """Numbers of runs that were asked for, that ended early, that have no result, and that went
+        beyond the robot's limits."""
+        runs, done = self.runs, self.runs.state == DONE
+        kinds = {"asked": done | ~done, "ended": done & ~runs.ok, "lost": ~done}
+        kinds["beyond"] = runs.beyond
+        return {kind: self.by_cell(values, "sum") for kind, values in kinds.items()}
+
     def effort(self, metric: str) -> pd.DataFrame:
         """A metric's median over seeds, over the least of its cell; inf where a seed failed."""
         found = self.metrics[metric] if metric in self.metrics else self.runs.error * math.nan
@@ -216,26 +226,21 @@ def read_results(
         MobmanError: If there are no results at all.
     """
     place = place or store.folder
-    reasons = {failure.run_id: failure.reason for failure in store.failures}
     rows: list[dict[str, Any]] = []
     unused: dict[str, str] = {}
     asked = set()
-    for spec in store.runs:
+    for spec, found, reason in store.outcomes():
         path = store.path(spec)
         asked.add(path.name)
         row = _row(spec, _relative(path, place))
         rows.append(row)
-        try:
-            summary = store.summary(spec)
-        except RecordError as error:
-            there, reason = path.exists(), reasons.get(path.stem, "")
-            if there:
-                unused[_relative(path, store.folder)] = str(error)
-            pending = not reason and not there
-            row["state"] = NOT_RUN if pending else FAILED
-            row["message"] = reason or ("not done yet" if pending else str(error))
+        if isinstance(found, RecordError):
+            if path.exists():
+                unused[_relative(path, store.folder)] = str(found)
+            row["state"] = FAILED if reason else NOT_RUN
+            row["message"] = reason or "not done yet"
             continue
-        row |= _outcome(summary, path)
+        row |= _outcome(found, path)
         page = place / "replays" / f"{path.stem}.html"
         check_within(page.parent, place)
         if write_replay is not None:
@@ -253,7 +258,7 @@ def read_results(
     unused |= _others(store, asked)
     manifest = store.manifest
     controllers = manifest.suite.controllers.items()
-    tuned = {k: v.tuned.model_dump(mode="json") for k, v in controllers if v.tuned is not None}
+    tuned = {label: entry.tuned for label, entry in controllers if entry.tuned is not None}
     suite = manifest.suite.name, manifest.suite.description
     folder = shlex.quote(str(store.folder))
     return Results(rows, *suite, manifest.seconds, manifest.workers, tuned, folder, unused)

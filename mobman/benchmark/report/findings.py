@@ -175,7 +175,7 @@ def _solved(first: Standing, ahead: Sequence[Standing]) -> list[str]:
 
 def _tuned(results: Results, board: Board) -> list[str]:
     """The best of what is tuned, and of what is not: like with like."""
-    of = {label for label, item in results.tuned.items() if item.get("label") != label}
+    of = {label for label, item in results.tuned.items() if item.label != label}
     kinds = {
         "tuned gains": [s for s in board.ranked if s.label in of],
         "the gains as given": [s for s in board.ranked if s.label not in of],

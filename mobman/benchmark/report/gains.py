@@ -10,7 +10,8 @@ import pandas as pd
 
 from mobman.benchmark.report.data import DONE, Results
 from mobman.benchmark.report.format import UNDEFINED, count, listing, number, setting
-from mobman.benchmark.report.tables import Entry, Table, label_entry, table_of
+from mobman.benchmark.report.tables import Columns, Entry, Table, label_entry, table_by, table_of
+from mobman.benchmark.suite_tables import TunedFrom
 from mobman.controllers.gains import as_settings
 from mobman.controllers.protocol import controllers
 from mobman.errors import UnknownNameError
@@ -43,11 +44,8 @@ def settings_of(results: Results) -> list[ControllerSettings]:
             item = _settings(
                 label, {g: own[own.cell.map(results.cells.group) == g] for g in results.groups}
             )
-            if label in results.tuned:
-                tuned = results.tuned[label]
-                trials = tuned.get("trials")
-                budget = f" in {count(trials, 'trial')}" if isinstance(trials, int) else ""
-                origin = f"Tuned from {tuned.get('label', 'another')}{budget}."
+            if tuned := results.tuned.get(label):
+                origin = f"Tuned from {tuned.label} in {count(tuned.trials, 'trial')}."
                 item = item._replace(remark=f"{origin} {item.remark}")
             found.append(item)
     return found
@@ -126,40 +124,34 @@ def _declared(law: str) -> tuple[dict[str, tuple[str, str]], dict[str, Any]]:
     return fields, defaults
 
 
-def tuning_table(tuned: Mapping[str, Mapping[str, Any]]) -> Table | None:
+def tuning_table(tuned: Mapping[str, TunedFrom]) -> Table | None:
     """Show the budget of every tuned label, and what it brought; None if none was tuned."""
-    rows: list[list[Entry | str]] = []
-    for label, item in tuned.items():
-        ranges = (f"{name} {_range(value)}" for name, value in (item.get("space") or {}).items())
-        known = {
-            key: str(item.get(key, UNDEFINED)) for key in ("label", "trials", "trial", "objective")
-        }
-        scores = (_score(item.get(key)) for key in ("score_default", "score"))
-        rows.append([label_entry(label), *known.values(), *scores, ", ".join(ranges)])
-    columns = "tuned;gains of;#trials;#best trial;objective;#score before;#score after;ranges"
+
+    def ranges(item: TunedFrom) -> str:
+        return ", ".join(
+            f"{k} {setting(v.low)} to {setting(v.high)}" for k, v in item.space.items()
+        )
+
+    columns: Columns = [
+        ("tuned", lambda item: label_entry(item[0])),
+        ("gains of", lambda item: item[1].label),
+        ("#trials", lambda item: str(item[1].trials)),
+        ("#best trial", lambda item: str(item[1].trial)),
+        ("objective", lambda item: item[1].objective),
+        ("#score before", lambda item: number(item[1].score_default)),
+        ("#score after", lambda item: number(item[1].score)),
+        ("ranges", lambda item: ranges(item[1])),
+    ]
     caption = "Budget of tuning; trial 0 is the gains as they were"
-    return table_of(caption, columns, rows) if rows else None
+    return table_by(caption, tuned.items(), columns) if tuned else None
 
 
-def unequal_budgets(tuned: Mapping[str, Mapping[str, Any]]) -> str:
+def unequal_budgets(tuned: Mapping[str, TunedFrom]) -> str:
     """Say so where controllers were tuned with different budgets; empty if all had the same."""
-    trials: dict[Any, list[str]] = {}
+    trials: dict[tuple[int, str], list[str]] = {}
     for label, item in tuned.items():
-        trials.setdefault((item.get("trials"), item.get("objective")), []).append(label)
+        trials.setdefault((item.trials, item.objective), []).append(label)
     if len(trials) < 2:
         return ""
     parts = [f"{listing(labels)}: {n} trials for {what}" for (n, what), labels in trials.items()]
     return f"The budgets were not equal, so tuned gains are not comparable: {'; '.join(parts)}."
-
-
-def _score(value: Any) -> str:
-    return number(float(value)) if isinstance(value, (int, float)) else UNDEFINED
-
-
-def _range(value: Any) -> str:
-    if isinstance(value, Mapping):
-        low, high = value.get("low"), value.get("high")
-        if low is not None and high is not None:
-            return f"{setting(low)} to {setting(high)}"
-        return ", ".join(f"{key} {setting(item)}" for key, item in value.items())
-    return setting(value)

@@ -222,12 +222,10 @@ def _standings(results: Results, labels: list[str], cells: pd.Index) -> dict[str
 def _standing(
     results: Results, label: str, error: Interval, ranks: tuple[int, int] | None, cells: pd.Index
 ) -> Standing:
-    runs = results.runs[(results.runs.label == label) & results.runs.cell.isin(cells)]
-    solved, done = int(results.solved.loc[cells, label].sum()), runs.state == DONE
+    solved = int(results.solved.loc[cells, label].sum())
+    counts = {kind: int(table.loc[cells, label].sum()) for kind, table in results.counts.items()}
     rate = proportion(solved, len(cells))
-    ended, lost = int((done & ~runs.ok).sum()), int((~done).sum())
-    counts = len(runs), ended, lost, int(runs.beyond.sum())
-    return Standing(label, error, ranks, solved, len(cells), rate, *counts)
+    return Standing(label, error, ranks, solved, len(cells), rate, **counts)
 
 
 def _pairs(results: Results, order: Sequence[str], cells: pd.Index) -> list[Pair]:

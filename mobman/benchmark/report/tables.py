@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import os
 import platform
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -82,7 +82,7 @@ class Table:
     rows: Sequence[Sequence[Entry]]
 
 
-def table_of(caption: str, columns: str, rows: Sequence[Sequence[Any]], *more: Entry) -> Table:
+def table_of(caption: str, columns: str, rows: Iterable[Iterable[Any]], *more: Entry) -> Table:
     """Make a table.
 
     Args:
@@ -94,6 +94,16 @@ def table_of(caption: str, columns: str, rows: Sequence[Sequence[Any]], *more: E
     heads = [Entry(name.lstrip("#"), number=name.startswith("#")) for name in columns.split(";")]
     own = [[item if isinstance(item, Entry) else Entry(item) for item in row] for row in rows]
     return Table(caption, [*heads, *more], own)
+
+
+Columns = Sequence[tuple[str, Callable[[Any], "Entry | str"]]]
+"""Headings as in :func:`table_of`, and what stands below them of an item."""
+
+
+def table_by(caption: str, items: Iterable[Any], columns: Columns) -> Table:
+    """Make a table with a row for each item."""
+    rows = ([show(item) for _, show in columns] for item in items)
+    return table_of(caption, ";".join(name for name, _ in columns), rows)
 
 
 def label_entry(label: str) -> Entry:
@@ -110,33 +120,32 @@ def _best(text: str, best: bool) -> Entry:
 
 def leaderboard_table(board: Board) -> Table:
     """Show every controller's place over all cells."""
-    rows = []
-    for s in board.standings:
-        lost = [f"{s.ended} ended early"] if s.ended else []
-        lost += [f"{s.lost} without result"] if s.lost else []
-        rows.append(
-            [
-                rank_range(s.ranks),
-                _named(s),
-                _best(number(s.error.estimate), _leads(s, board.ranked)),
-                interval_range(s.error),
-                f"{s.solved} of {s.cells}",
-                percent(s.rate),
-                str(s.asked),
-                Entry(", ".join(lost) or UNDEFINED, "bad" if lost else "faint"),
-                Entry(str(s.beyond), "bad" if s.beyond else "faint"),
-            ]
-        )
-    columns = (
-        "rank;controller;#steady |e^e| (m);#95 % interval;#cells solved;#95 % interval;#runs;"
-        "of these, failed;#of these, beyond limits"
-    )
+
+    def failed(s: Standing) -> Entry:
+        words = {"ended early": s.ended, "without result": s.lost}
+        lost = ", ".join(f"{n} {how}" for how, n in words.items() if n)
+        return Entry(lost or UNDEFINED, "bad" if lost else "faint")
+
     unit = f"{board.units} cells" if board.unit == "cell" else f"{board.units} platforms"
     caption = (
         f"Leaderboard over {len(board.cells)} cells (intervals: of {unit}); a failure is an infinite "
         "error, which the geometric mean of the middle half shows where a quarter of them fail"
     )
-    return table_of(caption, columns, rows)
+    columns: Columns = [
+        ("rank", lambda s: rank_range(s.ranks)),
+        ("controller", _named),
+        ("#steady |e^e| (m)", lambda s: _best(number(s.error.estimate), _leads(s, board.ranked))),
+        ("#95 % interval", lambda s: interval_range(s.error)),
+        ("#cells solved", lambda s: f"{s.solved} of {s.cells}"),
+        ("#95 % interval", lambda s: percent(s.rate)),
+        ("#runs", lambda s: str(s.asked)),
+        ("of these, failed", failed),
+        (
+            "#of these, beyond limits",
+            lambda s: Entry(str(s.beyond), "bad" if s.beyond else "faint"),
+        ),
+    ]
+    return table_by(caption, board.standings, columns)
 
 
 def _named(standing: Standing) -> Entry:
@@ -152,21 +161,15 @@ def information_table(results: Results, board: Board) -> Table:
     groups: dict[tuple[str, ...] | None, list[Standing]] = {}
     for s in board.standings:
         groups.setdefault(information_of(str(laws[s.label])), []).append(s)
-    rows: list[list[Entry]] = []
+    rows: list[list[Entry | str]] = []
     for uses, members in groups.items():
         what = "not said" if uses is None else ", ".join(uses) or "none of these"
-        rows.append([Entry(f"use {what}" if uses else what)])
+        rows.append([f"use {what}" if uses else what])
+        marks = [UNDEFINED if uses is None else "yes" * (item in uses) for item in INFORMATION]
+        ranked = [s for s in members if s.ranks is not None]
         for s in members:
-            marks = [UNDEFINED if uses is None else "yes" * (item in uses) for item in INFORMATION]
-            ranked = [other for other in members if other.ranks is not None]
-            rows.append(
-                [
-                    _named(s),
-                    *map(Entry, marks),
-                    _best(number(s.error.estimate), _leads(s, ranked)),
-                    Entry(f"{s.solved} of {s.cells}"),
-                ]
-            )
+            error = _best(number(s.error.estimate), _leads(s, ranked))
+            rows.append([_named(s), *marks, error, f"{s.solved} of {s.cells}"])
     columns = ";".join(["controller", *INFORMATION, "#steady |e^e| (m)", "#cells solved"])
     return table_of("What each controller uses", columns, rows)
 
@@ -181,49 +184,44 @@ def families_table(board: Board, results: Results) -> Table:
     """Show places by scenario family: families in rows, controllers in columns."""
     labels = [standing.label for standing in board.ranked]
     counts = results.cells.family.loc[board.cells].value_counts()
-    rows = []
-    for family, found in board.families.items():
-        row: list[Entry | str] = [family, str(counts[family])]
-        for s in (found[label] for label in labels):
-            solved = f"{s.solved} of {s.cells} cells solved"
-            row.append(
-                Entry(
-                    number(s.error.estimate, 2),
-                    "best" if _leads(s, list(found.values())) else "",
-                    f"{interval_range(s.error)}; {solved}",
-                    unit=f"{rank_range(s.ranks)} · {s.solved}/{s.cells}",
-                )
-            )
-        rows.append(row)
+
+    def place(s: Standing, found: Iterable[Standing]) -> Entry:
+        more = f"{interval_range(s.error)}; {s.solved} of {s.cells} cells solved"
+        unit = f"{rank_range(s.ranks)} · {s.solved}/{s.cells}"
+        shown = _best(number(s.error.estimate, 2), _leads(s, list(found)))
+        return shown._replace(detail=more, unit=unit)
+
+    rows = (
+        [family, str(counts[family]), *(place(found[label], found.values()) for label in labels)]
+        for family, found in board.families.items()
+    )
     caption = "By scenario family: steady |e^e| (m), ranks that the intervals allow · cells solved"
     return table_of(caption, "scenario family;#cells", rows, *map(label_entry, labels))
 
 
 def pairs_table(pairs: Sequence[Pair]) -> Table:
     """Show every two controllers on the same cells."""
-    rows = []
-    for pair in pairs:
-        found, success = pair.error, pair.success
-        difference = found.median_difference
-        rows.append(
-            [
-                f"{pair.a} – {pair.b}",
-                str(found.n),
-                f"{found.wins} / {found.ties} / {found.losses}",
-                signed(difference.estimate),
-                f"{signed(difference.low)} to {signed(difference.high)}",
-                _best(p_value(pair.error_p), pair.error_p < SIGNIFICANT),
-                signed(found.effect_size),
-                f"{success.only_a} / {success.only_b}",
-                _best(p_value(pair.success_p), pair.success_p < SIGNIFICANT),
-                _verdict(pair, len(pairs)),
-            ]
-        )
-    columns = (
-        "a – b;#cells;#a better / equal / b better;#median difference (decades);#95 % interval;"
-        "#p, Holm;#effect size;#cells solved by a / b only;#p, Holm;verdict"
-    )
-    return table_of("Paired comparisons on the same cells", columns, rows)
+
+    def spread(pair: Pair) -> str:
+        found = pair.error.median_difference
+        return f"{signed(found.low)} to {signed(found.high)}"
+
+    columns: Columns = [
+        ("a – b", lambda p: f"{p.a} – {p.b}"),
+        ("#cells", lambda p: str(p.error.n)),
+        (
+            "#a better / equal / b better",
+            lambda p: f"{p.error.wins} / {p.error.ties} / {p.error.losses}",
+        ),
+        ("#median difference (decades)", lambda p: signed(p.error.median_difference.estimate)),
+        ("#95 % interval", spread),
+        ("#p, Holm", lambda p: _best(p_value(p.error_p), p.error_p < SIGNIFICANT)),
+        ("#effect size", lambda p: signed(p.error.effect_size)),
+        ("#cells solved by a / b only", lambda p: f"{p.success.only_a} / {p.success.only_b}"),
+        ("#p, Holm", lambda p: _best(p_value(p.success_p), p.success_p < SIGNIFICANT)),
+        ("verdict", lambda p: _verdict(p, len(pairs))),
+    ]
+    return table_by("Paired comparisons on the same cells", pairs, columns)
 
 
 def _verdict(pair: Pair, pairs: int) -> str:
@@ -236,9 +234,7 @@ def _verdict(pair: Pair, pairs: int) -> str:
         words = "errors alike"
     elif pair.error_p < SIGNIFICANT:
         words = f"{pair.a if found.effect_size < 0 else pair.b} has the smaller error"
-    elif (
-        found.smallest_p * pairs >= SIGNIFICANT
-    ):  # nothing could pass the first step of Holm's method
+    elif found.smallest_p * pairs >= SIGNIFICANT:  # nothing could pass Holm's first step
         words = "too few cells to say"
     else:
         words = "not distinguished"
@@ -253,22 +249,20 @@ def tuned_table(results: Results, board: Board) -> Table | None:
     """Show what tuning brought on the reported cells, and what it cost; None if nothing was tuned."""
     standings = {s.label: s for s in board.ranked}
     energy = results.effort("torque_energy").loc[board.cells]
-    scores = {frozenset((p.a, p.b)): p for p in board.pairs}
+    scores = {(p.a, p.b): [p.error.wins, p.error.ties, p.error.losses] for p in board.pairs}
+    scores |= {(b, a): wins[::-1] for (a, b), wins in scores.items()}
     rows = []
     for label, item in results.tuned.items():
-        before, after = standings.get(str(item.get("label"))), standings.get(label)
+        before, after = standings.get(item.label), standings.get(label)
         if before is None or after is None or before is after:
             continue
-        pair = scores.get(frozenset((label, before.label)))
-        wins = [] if pair is None else [pair.error.wins, pair.error.ties, pair.error.losses]
-        wins = wins[::-1] if pair is not None and pair.a != label else wins
         both = energy[np.isfinite(energy[[label, before.label]]).all(axis=1)]
         rows.append(
             [
                 label_entry(before.label),
                 number(before.error.estimate),
                 number(after.error.estimate),
-                " / ".join(map(str, wins)) or UNDEFINED,
+                " / ".join(map(str, scores.get((label, before.label), [UNDEFINED]))),
                 f"{before.solved} → {after.solved} of {after.cells}",
                 f"{before.ended} → {after.ended} of {after.asked}",
                 number(float((both[label] / both[before.label]).median()), 2),
@@ -307,35 +301,27 @@ def summary_table(results: Results, group: str) -> Table:
     runs = results.runs[results.runs.cell.isin(cells.index)]
     labels = [label for label in results.labels if (runs.label == label).any()]
     # frames of single entries would take minutes: a large suite has tens of thousands
-    members: dict[tuple[int, str], list[Any]] = {}
+    members: dict[tuple[int, str], list[Any]] = defaultdict(list)
     for run in runs.itertuples():
-        members.setdefault((run.cell, run.label), []).append(run)
-    entries: dict[tuple[int, str], Entry] = {}
+        members[run.cell, run.label].append(run)
+    best: dict[int, str] = {}
     for cell in cells.index:
-        own = {label: members[cell, label] for label in labels if (cell, label) in members}
-        whole = [found for found in own.values() if all(run.state == DONE for run in found)]
-        best = number(min((max(run.error for run in found) for found in whole), default=math.nan))
-        for label in labels:
-            entries[cell, label] = _outcome(own.get(label, []), best)
+        own = [found for label in labels if (found := members[cell, label])]
+        whole = [found for found in own if all(run.state == DONE for run in found)]
+        least = min((max(run.error for run in found) for found in whole), default=math.nan)
+        best[cell] = number(least)
     tried = runs[runs.state != NOT_RUN].groupby("label").succeeded.agg(["sum", "size"])
-    totals = []
-    for won, n in (tuple(tried.reindex(labels, fill_value=0).loc[label]) for label in labels):
-        totals.append(Entry(f"{won} of {n}", "" if won == n else "bad"))
-    caption = f"{group}: largest |e^e| in the steady part (m)"
-    rows: list[list[Entry]]
-    if len(cells) <= _MOST_COLUMNS:
-        rows = [
-            [label_entry(label), *(entries[cell, label] for cell in cells.index), total]
-            for label, total in zip(labels, totals, strict=True)
-        ]
-        heads = [*map(Entry, cells.variant), Entry("succeeded")]
-        return table_of(caption, "controller", rows, *heads)
-    rows = [
-        [Entry(cell.variant), *(entries[cell.Index, label] for label in labels)]
-        for cell in cells.itertuples()
-    ]
-    rows.append([Entry("succeeded"), *totals])
-    return table_of(caption, "scenario", rows, *map(label_entry, labels))
+    grid = []
+    for label in labels:
+        won, n = tried.reindex(labels, fill_value=0).loc[label]
+        row = [_outcome(members[cell, label], best[cell]) for cell in cells.index]
+        grid.append([*row, Entry(f"{won} of {n}", "" if won == n else "bad")])
+    heads, caption = [*cells.variant, "succeeded"], f"{group}: largest |e^e| in the steady part (m)"
+    names = [label_entry(label) for label in labels]
+    if len(cells) > _MOST_COLUMNS:
+        return table_of(caption, "scenario", zip(heads, *grid, strict=True), *names)
+    rows = ([name, *row] for name, row in zip(names, grid, strict=True))
+    return table_of(caption, "controller", rows, *map(Entry, heads))
 
 
 def _outcome(runs: Sequence[Any], best: str) -> Entry:
@@ -350,12 +336,12 @@ def _outcome(runs: Sequence[Any], best: str) -> Entry:
         some = f" ({len(early)} of {len(runs)} seeds)" if len(runs) > 1 else ""
         return Entry(f"{ending(early[0])}{some}", "bad", early[0].message)
     error = number(max(run.error for run in runs))
-    if all(run.succeeded for run in runs) and any(run.beyond for run in runs):
+    if not all(run.succeeded for run in runs):
+        return Entry(error, "bad", "|e^e| did not settle below 1e-4 m")
+    if any(run.beyond for run in runs):
         where = "the robot went beyond its own limits: see time_beyond_limits and its like"
         return Entry(error, "bad", where, unit="beyond limits")
-    if all(run.succeeded for run in runs):
-        return _best(error, error == best)
-    return Entry(error, "bad", "|e^e| did not settle below 1e-4 m")
+    return _best(error, error == best)
 
 
 def ending(run: Any) -> str:
@@ -374,23 +360,21 @@ def metrics_table(results: Results, cell: int) -> Table:
     runs = results.runs[results.runs.cell == cell].sort_values("state", kind="stable")
     values = results.metrics.loc[runs.index]
     several = runs.seed.nunique() > 1
-    heads = [
-        Entry(f"{run.label}, seed {run.seed}" if several else run.label, label=run.label)
-        for run in runs.itertuples()
-    ]
-    outcomes = [
-        Entry(ending(run), "" if run.ok else "bad", run.message) if done else lost_entry(run)
-        for run, done in zip(runs.itertuples(), runs.state == DONE, strict=True)
-    ]
+    heads, outcomes = [], []
+    for run in runs.itertuples():
+        name = f"{run.label}, seed {run.seed}" if several else run.label
+        heads.append(Entry(name, label=run.label))
+        done = Entry(ending(run), "" if run.ok else "bad", run.message)
+        outcomes.append(done if run.state == DONE else lost_entry(run))
     rows: list[list[Entry]] = [[Entry("outcome"), Entry(""), *outcomes]]
+    told = values.columns[values.notna().any()]
     known = {
         metric.name: metric
         for metric in sorted(list_metrics(), key=_section)
-        if metric.applies is None or (metric.name in values and values[metric.name].notna().any())
+        if metric.applies is None or metric.name in told
     }
-    other = [name for name in values if name not in known and values[name].notna().any()]
     section = ""
-    for name in [*known, *other]:
+    for name in dict.fromkeys([*known, *told]):
         metric = known.get(name)
         title = _SECTIONS.get(metric.section, "Other") if metric else "Other"
         if title != section:
@@ -401,13 +385,12 @@ def metrics_table(results: Results, cell: int) -> Table:
         unit, about = (metric.unit, metric.description) if metric else ("", "not known here")
         faint = Entry(metric_unit(name, unit), "faint")
         rows.append([Entry(name, detail=about), faint, *_values(name, own, runs, better)])
-    done = runs.state == DONE
-    nothing = Entry(UNDEFINED, "faint")
-    links = {"record": ("h5", runs.file.where(done, "")), "page": ("replay", runs.replay)}
+    files = runs.file.where(runs.state == DONE, "")
     rows.append([Entry("Data")])
-    for title, (words, files) in links.items():
-        if title == "record" or files.any():
-            own_links = (Entry(words, link=file) if file else nothing for file in files)
+    for title, words, links in (("record", "h5", files), ("page", "replay", runs.replay)):
+        if title == "record" or links.any():
+            nothing = Entry(UNDEFINED, "faint")
+            own_links = (Entry(words, link=link) if link else nothing for link in links)
             rows.append([Entry(title), Entry(""), *own_links])
     caption = f"{results.cells.name[cell]}: every metric"
     return table_of(caption, "metric;unit", rows, *heads)
@@ -438,42 +421,42 @@ def _values(name: str, values: pd.Series, runs: pd.DataFrame, better: str) -> li
     return found
 
 
+def _of_runs(results: Results, caption: str, runs: pd.DataFrame, columns: Columns) -> Table:
+    """Make a table with a row for each run: which it is, and what columns say."""
+    place: Columns = [
+        ("robot", lambda run: run.robot),
+        ("task", lambda run: run.task),
+        ("scenario", lambda run: results.cells.variant[run.cell]),
+        ("controller", lambda run: label_entry(run.label)),
+        ("#seed", lambda run: str(run.seed)),
+    ]
+    return table_by(caption, runs.itertuples(), [*place, *columns])
+
+
 def endings_table(results: Results) -> Table:
     """Show every run that did not go to its end, with when and why."""
-    rows = []
-    for run in results.runs[(results.runs.state == DONE) & ~results.runs.ok].itertuples():
-        reason = cut(run.message or "no reason given")
-        if math.isfinite(run.saturation):
-            reason += f"; torques were cut from {instant(run.saturation)} on"
-        status, at = Entry(run.status, "bad"), Entry(instant(run.end))
-        rows.append([*_place(results, run), status, at, Entry(reason, link=run.file)])
-    columns = "robot;task;scenario;controller;#seed;outcome;#at;reason"
-    return table_of("When and why each of them ended", columns, rows)
+
+    def reason(run: Any) -> Entry:
+        cuts = f"; torques were cut from {instant(run.saturation)} on"
+        words = cut(run.message or "no reason given")
+        return Entry(words + cuts * math.isfinite(run.saturation), link=run.file)
+
+    early = results.runs[(results.runs.state == DONE) & ~results.runs.ok]
+    columns: Columns = [
+        ("outcome", lambda run: Entry(run.status, "bad")),
+        ("#at", lambda run: instant(run.end)),
+        ("reason", reason),
+    ]
+    return _of_runs(results, "When and why each of them ended", early, columns)
 
 
 def losses_table(results: Results) -> Table:
     """Show every run without a result, and why."""
-    rows = [
-        [
-            *_place(results, run),
-            lost_entry(run)._replace(detail=""),
-            cut(run.message or "no reason"),
-        ]
-        for run in results.lost.itertuples()
+    columns: Columns = [
+        ("outcome", lambda run: lost_entry(run)._replace(detail="")),
+        ("reason", lambda run: cut(run.message or "no reason")),
     ]
-    columns = "robot;task;scenario;controller;#seed;outcome;reason"
-    return table_of("Why each of them has no result", columns, rows)
-
-
-def _place(results: Results, run: Any) -> list[Entry]:
-    variant = results.cells.variant[run.cell]
-    return [
-        Entry(run.robot),
-        Entry(run.task),
-        Entry(variant),
-        label_entry(run.label),
-        Entry(str(run.seed)),
-    ]
+    return _of_runs(results, "Why each of them has no result", results.lost, columns)
 
 
 def endings_by_reason(results: Results) -> Table:
@@ -481,35 +464,32 @@ def endings_by_reason(results: Results) -> Table:
     runs = results.runs[~results.runs.ok]
     kinds = runs.status.where(runs.state == DONE, runs.state)
     counts = pd.crosstab(runs.label, kinds).reindex(columns=kinds.unique())
-    rows = [
-        [label_entry(label), *map(str, counts.loc[label])]
-        for label in results.labels
-        if label in counts.index
-    ]
+    own = [label for label in results.labels if label in counts.index]
+    rows = ([label_entry(label), *map(str, counts.loc[label])] for label in own)
     return table_of("How many ended how", "controller", rows, *map(Entry, counts.columns))
 
 
 def saturation_table(results: Results) -> Table | None:
     """Show where limits of the motors cut torques: scenarios by controllers; None if nowhere."""
-    variants = results.runs.cell.map(results.cells.variant)
-    share = results.metrics.get("saturation_share")
-    rows: list[list[Entry]] = []
-    for name in variants[results.runs.saturation.notna()].unique():
-        row = [Entry(name)]
-        for label in results.labels:
-            own = results.runs[(variants == name) & (results.runs.label == label)]
-            assert share is not None
-            found = share.loc[own.index].dropna()
-            starts = own.saturation.dropna()
-            if not len(found):
-                row.append(Entry(UNDEFINED, "faint"))
-            elif not len(starts):
-                row.append(Entry("0 %", "faint"))
-            else:
-                where = f"{len(starts)} of {len(own)} runs, from {instant(starts.min())}"
-                most = f"at most {number(100.0 * found.max(), 2)} %"
-                row.append(Entry(f"{number(100.0 * found.median(), 2)} %", "", most, unit=where))
-        rows.append(row)
+    runs, nowhere = results.runs, pd.Series(math.nan, results.metrics.index)
+    share = results.metrics.get("saturation_share", nowhere)
+
+    def entry(own: pd.DataFrame) -> Entry:
+        found, starts = share.loc[own.index].dropna(), own.saturation.dropna()
+        if not len(found) or not len(starts):
+            return Entry("0 %" if len(found) else UNDEFINED, "faint")
+        where = f"{len(starts)} of {len(own)} runs, from {instant(starts.min())}"
+        most = f"at most {number(100.0 * found.max(), 2)} %"
+        return Entry(f"{number(100.0 * found.median(), 2)} %", "", most, unit=where)
+
+    variants = runs.cell.map(results.cells.variant)
+    rows = [
+        [
+            name,
+            *(entry(runs[(variants == name) & (runs.label == label)]) for label in results.labels),
+        ]
+        for name in variants[runs.saturation.notna()].unique()
+    ]
     caption = (
         "Share of the ticks at which a limit cut a torque, median over runs; in how many at all"
     )
@@ -518,7 +498,7 @@ def saturation_table(results: Results) -> Table | None:
 
 def unused_table(results: Results) -> Table:
     """Show files among the records that could not be used."""
-    rows = [[file, cut(reason)] for file, reason in results.unused.items()]
+    rows = ((file, cut(reason)) for file, reason in results.unused.items())
     return table_of("What is wrong with each of them", "file;reason", rows)
 
 
@@ -530,15 +510,13 @@ def replays_table(results: Results, most: int) -> Table:
     runs = results.runs[results.runs.command != ""]
     if len(runs) > most:
         runs = runs[(runs.replay != "") | ~runs.ok][:most]
-    paged = runs.replay.any()
-    rows = []
-    for run in runs.itertuples():
-        row = [*_place(results, run), Entry(ending(run), "" if run.ok else "bad")]
-        row.append(Entry(run.command, command=True))
-        row += [Entry("replay" if run.replay else UNDEFINED, link=run.replay)] if paged else []
-        rows.append(row)
-    columns = "robot;task;scenario;controller;#seed;outcome;command" + (";page" if paged else "")
-    return table_of("How to look at each run", columns, rows)
+    columns: list[tuple[str, Callable[[Any], Entry]]] = [
+        ("outcome", lambda run: Entry(ending(run), "" if run.ok else "bad")),
+        ("command", lambda run: Entry(run.command, command=True)),
+        ("page", lambda run: Entry("replay" if run.replay else UNDEFINED, link=run.replay)),
+    ]
+    shown = columns if runs.replay.any() else columns[:2]
+    return _of_runs(results, "How to look at each run", runs, shown)
 
 
 # Computing times, definitions, origin --------------------------------------------------------------
@@ -550,17 +528,13 @@ def timing_table(results: Results) -> Table:
     times = results.metrics.reindex(columns=names).where(np.isfinite)
     # a few ticks before a divergence say nothing
     runs = results.runs[results.runs.ok]
-    medians = times.loc[runs.index].groupby([runs.label, runs.robot]).median()
-    robots = list(results.cells.robot.unique())
+    robots = results.cells.robot.unique()
+    keys = pd.MultiIndex.from_product([results.labels, robots])
+    medians = times.loc[runs.index].groupby([runs.label, runs.robot]).median().reindex(keys)
     rows = []
     for label in results.labels:
-        row = [label_entry(label)]
-        for robot in robots:
-            known = (label, robot) in medians.index
-            for name in names:
-                value = medians[name][label, robot] if known else math.nan
-                row.append(Entry(metric_value(name, value)))
-        rows.append(row)
+        own = (metric_value(n, medians[n][label, r]) for r in robots for n in names)
+        rows.append([label_entry(label), *own])
     heads = [Entry(name) for r in robots for name in (f"{r}: median", "99th percentile")]
     caption = "Time that the controller took for a tick (µs); median over the completed runs"
     return table_of(caption, "controller", rows, *heads)
@@ -568,11 +542,13 @@ def timing_table(results: Results) -> Table:
 
 def definitions_table() -> Table:
     """Show what the metrics are."""
-    rows = [
-        [metric.name, metric.unit, metric.description, metric.better or UNDEFINED]
-        for metric in sorted(list_metrics(), key=_section)
+    columns: Columns = [
+        ("metric", lambda metric: metric.name),
+        ("unit", lambda metric: metric.unit),
+        ("definition", lambda metric: metric.description),
+        ("better", lambda metric: metric.better or UNDEFINED),
     ]
-    return table_of("Definitions of the metrics", "metric;unit;definition;better", rows)
+    return table_by("Definitions of the metrics", sorted(list_metrics(), key=_section), columns)
 
 
 def versions_table(results: Results) -> tuple[Table, str]:
@@ -582,11 +558,12 @@ def versions_table(results: Results) -> tuple[Table, str]:
     rows, mixed = [], []
     for name in sorted(known, key=lambda name: (name not in ("mobman", "python"), name)):
         found = Counter(versions.get(name, "unknown") for versions in done.versions)
-        shown, several = next(iter(found)), len(found) > 1
-        if several:
+        shown = Entry(next(iter(found)))
+        if len(found) > 1:
             mixed.append(name)
-            shown = ", ".join(f"{v} ({n} run{'s' * (n != 1)})" for v, n in found.items())
-        rows.append([name, Entry(shown, "bad" if several else "")])
+            parts = (f"{v} ({n} run{'s' * (n != 1)})" for v, n in found.items())
+            shown = Entry(", ".join(parts), "bad")
+        rows.append([name, shown])
     warning = (
         f"Runs of different versions are mixed ({', '.join(mixed)}): they are not strictly comparable. "
         "Run the suite again to have one."
@@ -600,7 +577,7 @@ def machines_table(results: Results) -> Table:
     """Show the machines that the runs were computed on, as their records say it."""
     done = results.runs[results.runs.state == DONE]
     counts = Counter(tuple(m.get(name) or "unknown" for name in _MACHINE) for m in done.machine)
-    rows = [[*facts, str(n)] for facts, n in counts.most_common()]
+    rows = ([*facts, str(n)] for facts, n in counts.most_common())
     columns = "processor;architecture;system;#runs"
     return table_of("Machines that the runs were computed on", columns, rows)
 
@@ -613,5 +590,5 @@ def machine_table() -> Table:
         "logical cores": str(os.cpu_count() or ""),
         "system": f"{platform.system()} {platform.release()}".strip(),
     }
-    rows = [[name, value or UNDEFINED] for name, value in facts.items()]
+    rows = ((name, value or UNDEFINED) for name, value in facts.items())
     return table_of("Machine that wrote this report", "of;value", rows)
