@@ -177,7 +177,7 @@ def _guarded(job: Job) -> Result:
     try:
         if elsewhere:
             _pin_to_one_thread()
-        preload()
+        preload(run.law)
         with _limited(job.time_limit, elsewhere) as heed:
             return _perform(job, heed)
     except TimeLimitError:

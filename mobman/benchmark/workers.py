@@ -19,7 +19,6 @@ from concurrent.futures import (
     Future,
     ThreadPoolExecutor,
 )
-from functools import cache
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.context import BaseContext
 from typing import Any
@@ -217,16 +216,25 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-@cache
-def preload() -> None:
-    """Load all that runs need, once a process, by a tick of every law of mobman's own; what is not
-    compiled yet is compiled."""
+_loaded: set[str] = set()  # laws, in this process or the one that it was forked from
+
+
+def preload(law: str | None = None) -> None:
+    """Load all that runs need, once a process, by a tick of the laws of mobman's own; what is not
+    compiled yet is compiled.
+
+    Args:
+        law: The only one that runs need; one of them if it is not mobman's own. All by default.
+    """
     from mobman.controllers.protocol import controllers
     from mobman.simulation.simulate import simulate
 
-    for law in controllers.own():  # another may hang, or end the process: that is its runs' matter
-        with contextlib.suppress(Exception):  # a run that needs it will say so
-            simulate("youbot", law, "circle", duration=1e-3).to_bytes()
+    own = list(controllers.own())  # another may hang, or end the process: that is its runs' matter
+    for name in own if law is None else [law if law in own else own[0]]:
+        if name not in _loaded:
+            _loaded.add(name)
+            with contextlib.suppress(Exception):  # a run that needs it will say so
+                simulate("youbot", name, "circle", duration=1e-3).to_bytes()
 
 
 def start_ahead() -> None:

@@ -14,9 +14,9 @@ from support import hostile_laws
 from support.suites import bits, run_suite, suite_of
 
 import mobman as mm
+from mobman.benchmark import workers
 from mobman.benchmark.runner import Again, Ended
 from mobman.benchmark.store import Store
-from mobman.benchmark.workers import preload
 from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError
 from mobman.simulation.record import load_record
@@ -204,7 +204,8 @@ def test_only_mobmans_own_laws_are_loaded_ahead(monkeypatch):
             asked.append(self)
 
     monkeypatch.setitem(controllers._items, "asks", Asks)
-    preload.__wrapped__()
+    monkeypatch.setattr(workers, "_loaded", set())
+    workers.preload()
     assert not asked
     mm.simulate("youbot", "asks", "circle", duration=1e-3)
     assert asked
