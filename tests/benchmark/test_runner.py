@@ -5,20 +5,15 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 
 import h5py
-import numpy as np
 import pytest
 from support.suites import run_suite, small_suite
 
 import mobman as mm
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import load_suite
-from mobman.controllers.protocol import controllers
 from mobman.errors import MobmanError
 from mobman.files import temporary_beside
 from mobman.robots import catalogue
@@ -61,15 +56,6 @@ def test_every_run_is_there_and_whole(done):
         assert record.seed == run.seed
         assert record.spec["robot"]["name"] == run.robot
     assert len(list((folder / "runs").iterdir())) == 8
-
-
-def test_number_of_workers_changes_no_bit(done, tmp_path):
-    suite, folder, _ = done
-    run_suite(suite, tmp_path, workers=1)
-    for run in suite.runs():
-        one, two = Store(tmp_path).record(run), Store(folder).record(run)
-        for field in ("t", "q", "z", "torque", "task_error", "auxiliary_error"):
-            assert np.array_equal(getattr(one, field), getattr(two, field)), (str(run), field)
 
 
 def test_what_is_there_is_not_run_again(done):
@@ -166,76 +152,11 @@ def test_a_file_in_the_folders_place_is_told_plainly(done, tmp_path):
         run_suite(suite, tmp_path / "results", workers=1)
 
 
-@pytest.mark.usefixtures("interruptible")
-def test_interrupted_suite_keeps_what_was_done_and_goes_on(tmp_path):
-    suite = small_suite(tmp_path, duration=1.0)
-    command = [
-        sys.executable,
-        "-m",
-        "mobman",
-        "bench",
-        "run",
-        str(suite),
-        "-o",
-        str(tmp_path / "r"),
-    ]
-    process = subprocess.Popen(
-        [*command, "--workers", "1"],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    assert process.stderr is not None
-    first = process.stderr.readline()
-    if first.startswith("mobman: compiling its kernels"):  # the first process on a machine
-        first = process.stderr.readline()
-    assert first.startswith("[1/8]")
-    os.killpg(process.pid, signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "interrupted" in errors
-    assert "Traceback" not in errors
-    kept = list((tmp_path / "r" / "runs").glob("*.h5"))
-    assert 1 <= len(kept) < 8
-    assert all(load_record(path).ok for path in kept)
-    short = load_suite(suite)
-    assert run_suite(short, tmp_path / "r", workers=2).skipped == len(kept)
-    assert sorted(p.name for p in (tmp_path / "r" / "runs").iterdir()) == sorted(
-        f"{run.run_id}.h5" for run in short.runs()
-    )
-
-
 def test_run_spec_says_which_run_it_is(done):
     suite, _, _ = done
     run = suite.runs()[0]
     assert str(run) == "youbot · circle · nominal · pseudo-inverse · 0.001 s · seed 0"
     assert replace(run, label="x").run_id == run.run_id
-
-
-class Killer:
-    """A controller that takes its process with it."""
-
-    def reset(self, robot, task, dt):
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    def step(self, t, q, z, z_dot):
-        return 0.0 * z
-
-
-def test_a_run_that_kills_its_process_costs_itself_only(tmp_path, monkeypatch):
-    mm.list_controllers()  # so that what is there is found before, and this alone goes after
-    monkeypatch.setitem(controllers._items, "killer", Killer)
-    path = small_suite(tmp_path)
-    text = path.read_text().replace("damped-least-squares", "killer").replace("mu = 0.02", "")
-    path.write_text(text)
-    suite = replace_seeds(load_suite(path), [0])
-    summary = run_suite(suite, tmp_path / "results", workers=2)
-    assert len(summary.outcomes) == 4
-    assert [outcome.run.law for outcome in summary.failed] == ["killer"] * 2
-    assert all("was ended by SIGKILL" in outcome.message for outcome in summary.failed)
-    store = Store(tmp_path / "results")
-    assert all(store.record(run).ok for run in suite.runs() if run.law == "pseudo-inverse")
 
 
 def test_workers_use_the_robot_that_is_registered_here(tmp_path, monkeypatch):
