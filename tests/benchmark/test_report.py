@@ -112,7 +112,7 @@ def run(label: str, content: Record, gains=None, **changes) -> dict:
         "law": content.controller,
         "load": lambda: content,
         "acceleration": content.spec["scenario"]["acceleration"],
-        "gains": gains,
+        "gains": gains or {},
     }
     return {**fields, **changes}
 
@@ -518,12 +518,8 @@ def test_where_gains_come_from():
     remarks = {item.label: item.remark for item in settings_of(results(runs()))}
     assert remarks["pinv"] == "Given: K_v = 7. All others are the law's defaults."
     assert "Given: a = 0.2, discretization = explicit." in remarks["tsm explicit"]
-    # what the suite gave is not known for this one
-    assert "Found automatically or given: a = 0.0123." in remarks["tsm"]
-    known = settings_of(results([run("tsm", record(), {})]))
-    assert known[0].remark == (
-        "Found automatically: a = 0.0123. All others are the law's defaults."
-    )
+    tsm = "Found automatically: a = 0.0123. All others are the law's defaults."
+    assert remarks["tsm"] == tsm
 
 
 def test_controllers_from_elsewhere_have_settings_too():

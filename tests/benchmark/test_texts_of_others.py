@@ -188,7 +188,7 @@ def test_latex(name, tmp_path, monkeypatch):
         assert set(re.findall(r"\\input\{([^}]*)\}", content)) <= included
         assert set(re.findall(r"\\[a-zA-Z]+", content)) <= COMMANDS
         assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e]", content)
-        assert not re.search(r"(?<!\\)%|\^\^", content.replace("% Compiles", ""))
+        assert not re.search(r"(?<!\\)%|\^\^", content.replace("% For LaTeX", ""))
 
 
 COMMANDS = set(

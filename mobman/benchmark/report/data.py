@@ -40,13 +40,12 @@ _DEFAULTS: dict[str, Any] = {
     "seed": 0,
     "state": DONE,
     **dict.fromkeys(("status", "message", "created", "acceleration", "command", "replay"), ""),
-    **{name: {} for name in ("metrics", "settings", "versions", "machine")},
-    "gains": None,
+    **{name: {} for name in ("gains", "metrics", "settings", "versions", "machine")},
     "load": None,
 }
 """Fields of a run. ``state``: done, failed (by a fault of software or machine, with the reason as the
 message) or not run yet. ``base``: the same for robots on the same platform, empty if unknown.
-``gains``: as the suite gives them, None if unknown."""
+``gains``: as the suite gives them."""
 
 
 @dataclass
@@ -177,8 +176,8 @@ class Results:
 
     @cached_property
     def counts(self) -> dict[str, pd.DataFrame]:
-        """Numbers of runs that were asked for, that ended early, that have no result, and that went
-        beyond the robot's limits."""
+        """Numbers of runs, cells by labels: of all that were asked for, that ended early, that have no
+        result, and that went beyond the robot's limits."""
         runs, done = self.runs, self.runs.state == DONE
         kinds = {"asked": done | ~done, "ended": done & ~runs.ok, "lost": ~done}
         kinds["beyond"] = runs.beyond

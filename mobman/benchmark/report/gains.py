@@ -20,7 +20,6 @@ _AUTO = "auto"
 _ORIGINS = {
     "given": "Given",
     _AUTO: "Found automatically",
-    "auto or given": "Found automatically or given",
 }
 
 
@@ -78,20 +77,13 @@ def _settings(label: str, groups: Mapping[str, pd.DataFrame]) -> ControllerSetti
 
 def _origin(name: str, run: Any, defaults: dict[str, Any]) -> str:
     """Find the origin of a setting: "default", "given" or "auto"; empty if that is not known."""
-    if run.gains is not None:
-        given = {key.replace("_", ""): value for key, value in run.gains.items()}
-        plain = name.replace("_", "")
-        if plain in given and given[plain] != _AUTO:
-            return "given"
-        if plain in given or defaults.get(name) == _AUTO:
-            return _AUTO
-        return "default" if name in defaults else ""
-    if name not in defaults:
-        return ""
-    if run.settings.get(name) == defaults[name]:
-        return "default"
-    # a number where the default is "auto" may be either
-    return "auto or given" if defaults[name] == _AUTO else "given"
+    gains = {key.replace("_", ""): value for key, value in run.gains.items()}
+    value = gains.get(name.replace("_", ""), defaults.get(name))
+    if value == _AUTO:
+        return _AUTO
+    if name.replace("_", "") in gains:
+        return "given"
+    return "default" if name in defaults else ""
 
 
 def _remark(special: Sequence[tuple[str, str, str]], groups: Sequence[str]) -> str:

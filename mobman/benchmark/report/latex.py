@@ -56,7 +56,7 @@ _PAPERS = {
 _EXPONENT = re.compile(r"(?<![\w.])(-?[0-9.]+)e(-?[0-9]+)\b")
 _RANGE = re.compile(r"(-?[0-9.]+(?:e-?[0-9]+)?) to (-?[0-9.]+(?:e-?[0-9]+)?)")
 _MOST_NAMES = 4  # groups of a caption
-_PREAMBLE = r"""% Compiles by pdflatex, lualatex or xelatex, in this folder; figures have their size.
+_PREAMBLE = r"""% For LaTeX, in this folder; figures have their size.
 \documentclass[twocolumn]{article}
 \usepackage[T1]{fontenc}
 \usepackage{textcomp}

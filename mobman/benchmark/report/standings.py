@@ -223,9 +223,12 @@ def _standing(
     results: Results, label: str, error: Interval, ranks: tuple[int, int] | None, cells: pd.Index
 ) -> Standing:
     solved = int(results.solved.loc[cells, label].sum())
-    counts = {kind: int(table.loc[cells, label].sum()) for kind, table in results.counts.items()}
     rate = proportion(solved, len(cells))
-    return Standing(label, error, ranks, solved, len(cells), rate, **counts)
+    asked, ended, lost, beyond = (
+        int(table.loc[cells, label].sum()) for table in results.counts.values()
+    )
+    counts = len(cells), rate, asked, ended, lost, beyond
+    return Standing(label, error, ranks, solved, *counts)
 
 
 def _pairs(results: Results, order: Sequence[str], cells: pd.Index) -> list[Pair]:
