@@ -343,8 +343,14 @@ class App {
       keys[event.key]();
       event.preventDefault();
     });
-    if (window.innerWidth < 720 && (motion || window.innerHeight < 640)) document.body.classList.add("closed");
-    this.fold(window.innerWidth < 720 || window.innerHeight < 640);
+    // there is little room beside or below them
+    const narrow = window.matchMedia("(max-width: 719px)");
+    const clear = () => {
+      if (narrow.matches && (motion || window.innerHeight < 640)) document.body.classList.add("closed");
+      this.fold(narrow.matches || window.innerHeight < 640);
+    };
+    narrow.onchange = clear;
+    clear();
     this.setDuration();
     this.sliders = [];
     if (drawn.length) this.addSliders(drawn[0]);
