@@ -64,14 +64,10 @@ class Surface:
         return {"type": "mesh", "texture": self.texture, **found}
 
 
-def can_read_colours() -> bool:
-    """Tell whether the library is installed that reads the meshes' own colours and pictures."""
-    return importlib.util.find_spec("trimesh") is not None
-
-
-def can_reduce() -> bool:
-    """Tell whether the library is installed that reduces meshes."""
-    return importlib.util.find_spec("fast_simplification") is not None
+def installed(library: str) -> bool:
+    """Tell whether a library is installed: trimesh reads the meshes' own colours and pictures,
+    fast_simplification reduces them."""
+    return importlib.util.find_spec(library) is not None
 
 
 def read_meshes(
@@ -120,7 +116,7 @@ def read_mesh(
     plain = Surface(*read_triangles(path))
     _check(plain, path)
     parts = [plain]
-    if coloured and path.suffix.lower() in _COLOURED and can_read_colours():
+    if coloured and path.suffix.lower() in _COLOURED and installed("trimesh"):
         own = [Surface(**fields) for fields in read_isolated(f"{__name__}:coloured_parts", path)]
         for part in own:
             _check(part, path)
@@ -147,7 +143,7 @@ def reduced(surface: Surface, triangles: int) -> Surface:
 
     It is returned as it is where that is enough, or where fast-simplification is not installed.
     """
-    if len(surface.faces) <= triangles or not can_reduce():
+    if len(surface.faces) <= triangles or not installed("fast_simplification"):
         return surface
     import fast_simplification
 

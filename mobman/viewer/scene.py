@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -92,31 +93,11 @@ class SampledRun(NamedTuple):
         }
 
 
-@dataclass(frozen=True)
-class States:
-    """The part of a :class:`Record` that a scene is made of."""
-
-    t: Array
-    q: Array
-    z: Array
-    torque: Array
-    tip_position: Array
-    tip_desired: Array
-    task_error: Array
-    joint_names: list[str]
-    robot: str
-    controller: str
-    task: str
-    scenario: str
-    seed: int
-    status: str = "ok"
-    message: str = ""
-    tip_desired_orientation: Array | None = None
+States = Record | SimpleNamespace
+"""A record, or what a scene needs of one, of a run that has none yet."""
 
 
-def motion(
-    record: Record | States, robot: MobileManipulator | None, *, runs: int = 1
-) -> SampledRun:
+def motion(record: States, robot: MobileManipulator | None, *, runs: int = 1) -> SampledRun:
     """Take a run's motion from its samples.
 
     Args:
@@ -182,7 +163,7 @@ class Scene:
 class ShownRun:
     """A record, its name and where it came from."""
 
-    record: Record | States
+    record: States
     name: str
     folder: Path | None = None
     robot: MobileManipulator | None = None
@@ -350,7 +331,7 @@ def _scene(
     return Scene(title, content, tuple(dict.fromkeys(told)))
 
 
-def labels(records: Sequence[Record | States], names: Sequence[str]) -> list[str]:
+def labels(records: Sequence[States], names: Sequence[str]) -> list[str]:
     """Label runs in a comparison by what distinguishes them.
 
     Args:

@@ -15,6 +15,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter, sleep
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,6 @@ from mobman.viewer.scene import (
     Layout,
     Scene,
     ShownRun,
-    States,
     check_view,
     motion,
     scene_of_robot,
@@ -318,7 +318,7 @@ class LiveRun:
         self._robot = load_robot(robot.spec)
         self._task = make_task(task, self._robot, **(task_options or {}))
         self._about: dict[str, Any] = {"robot": robot.name, "controller": controller, "task": task}
-        self._about |= {"scenario": scenario, "seed": seed}
+        self._about |= {"scenario": scenario, "seed": seed, "status": "ok", "message": ""}
         self._space = TaskSpace(self._robot, self._task)
         self._samples: list[tuple[float, Array, Array, Array]] = []
         self._taken: list[float] = []  # when each was, by the clock (s)
@@ -373,14 +373,20 @@ class LiveRun:
             return None
         return (self._samples[last][0] - self._samples[first][0]) / passed
 
-    def _states(self, samples: list[tuple[float, Array, Array, Array]]) -> States:
-        t, q, z, torque = (np.array(part) for part in zip(*samples, strict=True))
+    def _states(self, samples: list[tuple[float, Array, Array, Array]]) -> SimpleNamespace:
+        parts = zip(("t", "q", "z", "torque"), zip(*samples, strict=True), strict=True)
         seen = (self._seen(*sample[:3]) for sample in samples)
         tip, desired, error = (np.array(part) for part in zip(*seen, strict=True))
-        m, names = tip.shape[1], self._robot.joint_names
-        turn = desired[:, m:] if desired.shape[1] > m else None
-        of_tip = (tip, desired[:, :m], error)
-        return States(t, q, z, torque, *of_tip, names, **self._about, tip_desired_orientation=turn)
+        m = tip.shape[1]
+        return SimpleNamespace(
+            **{name: np.array(values) for name, values in parts},
+            tip_position=tip,
+            tip_desired=desired[:, :m],
+            tip_desired_orientation=desired[:, m:] if desired.shape[1] > m else None,
+            task_error=error,
+            joint_names=self._robot.joint_names,
+            **self._about,
+        )
 
     def _seen(self, t: float, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """Tip position, p_d and task error at a state."""

@@ -257,8 +257,7 @@ def test_meshes_are_read_without_the_libraries_of_the_extra(monkeypatch):
     robot = mm.load_robot("tiago_no_hand")
     full, _ = robot_parts(robot)
     monkeypatch.setitem(sys.modules, "fast_simplification", None)
-    monkeypatch.setattr(meshes, "can_reduce", lambda: False)
-    monkeypatch.setattr(meshes, "can_read_colours", lambda: False)
+    monkeypatch.setattr(meshes, "installed", lambda library: False)
     plain, warnings = robot_parts(robot)
     assert warnings == []
 
