@@ -82,9 +82,7 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
         raise SpecError(f"{where}: the robot with all that is mounted on it: {fault}")
     # before what is added there, and before links that share a joint's name get another
     links = [str(link.get("name")) for link in assembly.robot.findall("link")]
-    # where the wheels are says where the platform's frame is
-    still = _parse(spec, flat_urdf(deepcopy(assembly.robot), where, base_joints=()))
-    platform = platform_type(spec).build(Site(spec.platform.parameters, still, where, spec.folder))
+    platform = _platform(spec, assembly, spec.platform.parameters)
     tree = _parse(spec, _flat(assembly.robot, where, platform))
     locked = _locked(spec, assembly, platform, tree)
     followers = _followers(spec, assembly, platform)
@@ -110,6 +108,31 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     if base and given.heading is None and base[-1] not in given.weights:
         robot.criterion_weights[robot.joint_names.index(base[-1])] = heading_weight(robot)
     return robot
+
+
+def _platform(
+    spec: RobotSpec, assembly: Assembly, parameters: dict[str, Any], track: float = 1.0
+) -> Platform:
+    """The platform; where the wheels are says where its frame is."""
+    still = _parse(spec, flat_urdf(deepcopy(assembly.robot), spec.where, base_joints=()))
+    site = Site(parameters, still, spec.where, spec.folder, track)
+    return platform_type(spec).build(site)
+
+
+def platform_with(
+    robot: MobileManipulator, parameters: dict[str, Any], track: float = 1.0
+) -> Platform:
+    """A robot's platform with other fields of ``[platform]``.
+
+    Args:
+        robot: The robot.
+        parameters: All of the fields.
+        track: Factor of the distances of wheels that the URDF tells.
+
+    Raises:
+        SpecError: If a field is wrong.
+    """
+    return _platform(robot.spec, assemble(robot.spec, robot.urdf), parameters, track)
 
 
 def load_geometry(robot: MobileManipulator) -> Geometry:

@@ -32,6 +32,7 @@ class Structure(Protocol):
 
     model: pin.Model
     platform: Platform
+    motors: Platform
     platform_index: Index
     arm: ArmJoints
     following_rows: Array
@@ -128,13 +129,14 @@ class Buffers:
     @cached_property
     def velocity(self) -> Callable[[], object]:
         """Fills x, alpha, N, x_dot, N_rate, B'', C, q_dot and C_dot_z, from q and z."""
-        own, at = self._robot.platform.equations, self._motion
+        own, motors = self._robot.platform.equations, self._robot.motors.equations
+        at = self._motion
         return sequence(
             bind(gather, at),
             bind(own.velocity_map, own.parameters, at.x, at.N),
             bind(apply, at.N, at.alpha, at.x_dot),
             bind(own.velocity_map_rate, own.parameters, at.x, at.x_dot, at.N_rate),
-            bind(own.actuation, own.parameters, at.x, at.platform_B),
+            bind(motors.actuation, motors.parameters, at.x, at.platform_B),
             bind(assemble_velocity, at),
         )
 

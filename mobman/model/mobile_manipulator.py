@@ -125,6 +125,8 @@ class MobileManipulator(Displayed):
         model: ``pinocchio.Model`` with ``nq == nv``.
         data: ``pinocchio.Data`` that the methods here use; another one in each thread.
         platform: The driving base.
+        motors: The platform by whose B'' commands become torques of motors: ``platform``, or that which
+            the controller supposes.
         tip: Name of the end-effector's frame.
         tip_frame: Its index in ``model.frames``.
         q_rest: Preferred posture, shape (nq,); also the default start.
@@ -144,12 +146,14 @@ class MobileManipulator(Displayed):
         criterion_weights: Array,
         criterion_couplings: Array,
         followers: Sequence[Follower] = (),
+        motors: Platform | None = None,
     ) -> None:
         self.name = spec.name
         self.spec = spec
         self.urdf = urdf
         self.model = model
         self.platform = platform
+        self.motors = platform if motors is None else motors
         self.tip = spec.arm.tip
         self.q_rest = q_rest
         self.criterion_weights = criterion_weights
@@ -166,12 +170,12 @@ class MobileManipulator(Displayed):
         )
         driven = {index[one.joint]: (index[one.of], one.ratio) for one in self.followers}
         every = [i for i in range(model.nq) if i not in set(self.platform_index)]
-        motors = [i for i in every if i not in driven]
-        self.arm_index = np.array(motors, dtype=np.int64)
+        own = [i for i in every if i not in driven]
+        self.arm_index = np.array(own, dtype=np.int64)
         of = [driven.get(i, (i, 1.0)) for i in every]
         self.arm = ArmJoints(
             np.array(every, dtype=np.int64),
-            np.array([motors.index(motor) for motor, _ in of], dtype=np.int64),
+            np.array([own.index(motor) for motor, _ in of], dtype=np.int64),
             np.array([ratio for _, ratio in of]),
         )
         self.following_rows = np.zeros((len(driven), model.nq))
@@ -212,8 +216,13 @@ class MobileManipulator(Displayed):
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _of_thread=local())
 
-    def with_model(self, model: pin.Model) -> MobileManipulator:
+    def with_model(self, model: pin.Model, platform: Platform | None = None) -> MobileManipulator:
         """The same robot on another Pinocchio model of the same joints (other inertias, say).
+
+        Args:
+            model: The model.
+            platform: Another platform of the same coordinates (other wheels, say), whose motors get the
+                torques that they would get on this one.
 
         Raises:
             UsageError: If it is no model.
@@ -227,7 +236,8 @@ class MobileManipulator(Displayed):
             spec=self.spec,
             urdf=self.urdf,
             model=model,
-            platform=self.platform,
+            platform=self.platform if platform is None else platform,
+            motors=self.motors,
             q_rest=self.q_rest.copy(),
             criterion_weights=self.criterion_weights.copy(),
             criterion_couplings=self.criterion_couplings.copy(),
@@ -370,7 +380,7 @@ class MobileManipulator(Displayed):
     def actuation(self, q: Array) -> Array:
         """B'(q) of (16): the generalised forces that each command makes, shape (nq, nz)."""
         x = _vector("q", q, self.nq)[self.platform_index]
-        matrix = self._by_velocity(self.platform.actuation(x))
+        matrix = self._by_velocity(self.motors.actuation(x))
         matrix[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
         return matrix
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from fnmatch import fnmatchcase
 from typing import Annotated, Literal, Self
 
@@ -74,24 +74,43 @@ class Links(Piece):
             SpecError: If a name fits none.
         """
         model = robot.model
-        names = {i: {model.names[i]} for i in range(1, model.njoints) if model.inertias[i].mass > 0}
-        for frame in model.frames:
-            if frame.type == pin.FrameType.BODY and frame.parentJoint in names:
-                names[frame.parentJoint].add(frame.name)
-        patterns = [self.links] if isinstance(self.links, str) else self.links
-        chosen: set[int] = set()
-        for pattern in patterns:
-            fits = {i for i in names if any(fnmatchcase(name, pattern) for name in names[i])}
-            if not fits:
-                listing = ", ".join(sorted({name for some in names.values() for name in some}))
-                raise SpecError(
-                    f"field 'links': {pattern!r} fits no link that has a mass and no joint of robot "
-                    f"{robot.name!r}, which has {listing}"
-                )
-            chosen |= fits
-        arm = {int(i) for i in robot.arm.joints}
+        bodies = [i for i in range(1, model.njoints) if model.inertias[i].mass > 0]
+        what = "link that has a mass and no joint"
+        chosen, arm = bodies_named(robot, self.links, bodies, what), set(robot.arm.joints)
         moves_arm = {i for i in chosen if model.joints[i].idx_q in arm}
         return {"all": chosen, "arm": moves_arm, "platform": chosen - moves_arm}[self.part]
+
+
+def bodies_named(
+    robot: MobileManipulator, links: str | list[str], among: Iterable[int], what: str
+) -> set[int]:
+    """Joints whose name, or that of a link that they move, fits a pattern.
+
+    Args:
+        robot: The robot.
+        links: Patterns as of file names.
+        among: Numbers of the joints to choose from.
+        what: One of them in messages.
+
+    Raises:
+        SpecError: If a pattern fits none.
+    """
+    model = robot.model
+    names = {i: {model.names[i]} for i in among}
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.parentJoint in names:
+            names[frame.parentJoint].add(frame.name)
+    chosen: set[int] = set()
+    for pattern in [links] if isinstance(links, str) else links:
+        fits = {i for i in names if any(fnmatchcase(name, pattern) for name in names[i])}
+        if not fits:
+            listing = ", ".join(sorted({name for some in names.values() for name in some}))
+            raise SpecError(
+                f"field 'links': {pattern!r} fits no {what} of robot {robot.name!r}, which has "
+                f"{listing}"
+            )
+        chosen |= fits
+    return chosen
 
 
 class Payload(Piece):

@@ -30,6 +30,7 @@ from mobman.model.orientation import (
 from mobman.model.task_map import TaskMap
 from mobman.simulation.actuation import ActuationChain
 from mobman.simulation.integrator import Divergence, TickIntegrator, divergence
+from mobman.simulation.measured_tip import MeasuredTip
 from mobman.simulation.plant import NOT_DEFINITE, Plant, require_success
 from mobman.simulation.record_file import APPLIED, OWN_PLACES
 from mobman.simulation.sensors import Measurement
@@ -138,6 +139,7 @@ class Loop:
         observe: Called with the state and the torque at every ``stride``-th tick.
         stride: Ticks from one call to the next.
         monitor: Whether the controller gives its ``monitored_signals()`` in the place of ``signals()``.
+        tip_measured: Whether the controller's errors are those of the true tip.
 
     Attributes:
         robot: As given; so are ``controller``, ``task``, ``task_map``, ``plant``, ``ticks``, ``dt``.
@@ -164,6 +166,7 @@ class Loop:
         observe: Observer | None,
         stride: int,
         monitor: bool = False,
+        tip_measured: bool = False,
     ) -> None:
         self.robot, self.controller, self.task = robot, controller, task
         self.task_map, self.plant = task_map, plant
@@ -178,6 +181,7 @@ class Loop:
         self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
         self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
         self._look = self._looking()
+        self._tip = MeasuredTip(task, robot) if tip_measured else None
         self._auxiliary: Callable[[], object] | None = None
         report = "monitored_signals" if monitor else "signals"
         self._report: Callable[[], dict[str, Any]] | None = getattr(controller, report, None)
@@ -232,7 +236,9 @@ class Loop:
         if (limit_motors := getattr(self.controller, "limit_motors", None)) is not None:
             limit_motors(None if self._actuation is None else self._actuation.level)
         # a law that writes to its robot changes neither the plant nor later runs
-        self.controller.reset(self.robot.copy(), self.task, self.dt)
+        if self._tip is not None:
+            self._tip.look(plant.now.q, plant.now.z, plant.now, plant.q_dot)
+        self.controller.reset(self.robot.copy(), self._tip or self.task, self.dt)
         extended = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
         self._auxiliary = extended.auxiliary
         m, signals = self.task_map.m, self._signal_entries()
@@ -250,7 +256,7 @@ class Loop:
         samples, plant, now = self.samples, self.plant, self.plant.now
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
         run_all, measure, step = now.run_all, self._measurement.take, self.controller.step
-        look = self._look
+        look, tip = self._look, self._tip
         q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
         keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype
         keep_signals = self._keep_signals if self._report is not None else None
@@ -271,6 +277,8 @@ class Loop:
                 return
             self._evaluate_auxiliary()
             q_now, z_now, measured = measure(q, z, z_dot)
+            if tip is not None:
+                tip.look(q_now, z_now, now, plant.q_dot)
             started = perf_counter()
             torque = step(t, q_now, z_now, measured)
             compute_time[tick] = perf_counter() - started

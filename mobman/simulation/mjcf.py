@@ -105,7 +105,7 @@ def feet_of(robot: MobileManipulator, scrub: bool = False) -> list[Foot]:
     base, feet = platform.base_joints[-1], []
     for wheel in platform.wheels:
         i = model.getJointId(wheel.joint)
-        axis, roller, place = _motion(model, i)[3:], wheel.roller, np.zeros(3)
+        axis, roller, place = unit_twist(model, i)[3:], wheel.roller, np.zeros(3)
         if platform.skids and not scrub:
             roller = 0.0
             place = _beside(robot, wheel.joint, constraints, data.oMi[i], axis) * axis
@@ -174,7 +174,7 @@ def _skates(robot: MobileManipulator, constraints: Array, wheels: bool) -> list[
     return found
 
 
-def _motion(model: pin.Model, joint: int) -> Array:
+def unit_twist(model: pin.Model, joint: int) -> Array:
     """A joint's unit twist in its own frame: linear, then angular, shape (6,)."""
     data = model.joints[joint].createData()
     model.joints[joint].calc(data, np.zeros(model.nq))
@@ -345,7 +345,7 @@ def jointed_body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element
         pos=_text(placement.translation),
         quat=_text(np.roll(quaternion, 1)),
     )
-    motion = _motion(model, joint)
+    motion = unit_twist(model, joint)
     kind, direction = ("slide", motion[:3]) if np.any(motion[:3]) else ("hinge", motion[3:])
     armature = repr(float(model.armature[model.joints[joint].idx_v]))
     ET.SubElement(body, "joint", name=name, type=kind, axis=_text(direction), armature=armature)

@@ -8,7 +8,7 @@ from contextvars import ContextVar
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -30,12 +30,19 @@ from mobman.simulation.disturbances import Torque, disturbances
 from mobman.simulation.estimators import estimators
 from mobman.simulation.friction import frictions
 from mobman.simulation.inertias import inertias, true_robot
+from mobman.simulation.kinematics import Encoders, kinematics
 from mobman.simulation.pieces import Piece, Setting, Source, started
 from mobman.simulation.plant import Plant, plants
 from mobman.simulation.sensors import Measurement, pose_index, sensors
 from mobman.simulation.slip import slips
 from mobman.simulation.stops import stops
 from mobman.toml_model import Strict, describe, named_file, read_toml, validate
+
+
+class KinematicsSource(Source):
+    """A difference of the robot's dimensions."""
+
+    group, what, kinds = "kinematics", "kinematics", kinematics
 
 
 class InertiaSource(Source):
@@ -142,6 +149,11 @@ class Scenario(Displayed, Strict):
     """True rotational inertia of every link over the nominal one; the mass factor by default."""
     payload: Number = Field(0.0, ge=0)
     """Point mass at the tip that the controller does not know (kg)."""
+    kinematics: list[KinematicsSource] = Field([], max_length=MOST_PIECES)
+    """Wrong dimensions: J, and N of the platform; one after the other."""
+    tip: Literal["modelled", "measured"] = "modelled"
+    """What tells a law where its tip is: its model at the measured q and z, or the true tip's position
+    and velocity; its Jacobian is the model's in either case."""
     inertias: list[InertiaSource] = Field([], max_length=MOST_PIECES)
     """More of the kind, one after the other, before the payload."""
     friction: list[FrictionSource] = Field([], max_length=MOST_PIECES)
@@ -200,8 +212,9 @@ class Scenario(Displayed, Strict):
     def _without_the_usual(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Scenarios, and with them the identity of runs, stay what they were without the field."""
         fields: dict[str, Any] = plain(self)
-        if fields.get("plant") == "ideal":
-            del fields["plant"]
+        for name, usual in (("plant", "ideal"), ("kinematics", []), ("tip", "modelled")):
+            if fields.get(name) == usual:
+                del fields[name]
         return fields
 
     def _shown(self) -> Shown:
@@ -212,6 +225,7 @@ class Scenario(Displayed, Strict):
     def types(self) -> list[type[Piece]]:
         """The types of its pieces."""
         lists = (
+            self.kinematics,
             self.inertias,
             self.friction,
             self.disturbances,
@@ -234,13 +248,17 @@ class Scenario(Displayed, Strict):
     # Parts of a run. Each takes its setting, and raises SpecError if a piece does not fit the robot.
 
     def true_robot(self, setting: Setting) -> MobileManipulator:
-        """The setting's robot with the true inertias; the same object if nothing changes."""
-        scaled = true_robot(setting.robot, self.mass_factor, self.inertia_factor)
+        """The setting's robot with the true dimensions and inertias; the same object if nothing
+        changes."""
+        robot = setting.robot
+        for remake in self._started(self.kinematics, setting):
+            robot = remake(robot)
+        scaled = true_robot(robot, self.mass_factor, self.inertia_factor)
         if self.inertias:
             model = scaled.model.copy()
             for change in self._started(self.inertias, setting):
                 change(model)
-            scaled = setting.robot.with_model(model)
+            scaled = robot.with_model(model)
         return true_robot(scaled, payload=self.payload)
 
     def start_of(self, robot: MobileManipulator, placed: Array | None = None) -> Array:
@@ -294,11 +312,14 @@ class Scenario(Displayed, Strict):
         stages = self._started(self.actuation, setting)
         return ActuationChain(stages, setting.dt, setting.robot.nz) if stages else None
 
-    def measurement(self, setting: Setting) -> Measurement:
-        """The measurement that the controller is given."""
+    def measurement(self, setting: Setting, true: MobileManipulator | None = None) -> Measurement:
+        """The measurement that the controller is given, of the true robot; by default the nominal."""
         estimator = self._source(AccelerationSource, self.acceleration)
         (estimate,) = self._started([estimator], setting)
-        return Measurement(estimate, self._started(self.sensors, setting))
+        encoders = None
+        if true is not None and true.motors is not true.platform:  # other wheels
+            encoders = Encoders(setting.robot, true, setting.dt)
+        return Measurement(estimate, self._started(self.sensors, setting), encoders)
 
     def _started(self, sources: Sequence[Source], setting: Setting) -> list[Any]:
         try:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import field_validator
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Index
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.estimators import Estimate
 from mobman.simulation.pieces import PACKAGE, Each, Piece, Setting, Types, entries
@@ -33,10 +34,16 @@ class Measurement:
     Args:
         estimate: The estimator of z'.
         sensors: Their errors, in the order in which they happen.
+        encoders: What tells of z and z', from (q, z, z'); they themselves by default.
     """
 
-    def __init__(self, estimate: Estimate, sensors: list[Sensor]) -> None:
-        self._estimate, self._sensors = estimate, sensors
+    def __init__(
+        self,
+        estimate: Estimate,
+        sensors: list[Sensor],
+        encoders: Callable[[Array, Array, Array], tuple[Array, Array]] | None = None,
+    ) -> None:
+        self._estimate, self._sensors, self._encoders = estimate, sensors, encoders
 
     def take(self, q: Array, z: Array, z_dot: Array) -> tuple[Array, Array, Array]:
         """The measured ones, new arrays; to be called once at every tick.
@@ -46,6 +53,8 @@ class Measurement:
             z: The true reduced velocity, shape (nz,).
             z_dot: The true z' under the torque held until now, shape (nz,).
         """
+        if self._encoders is not None:
+            z, z_dot = self._encoders(q, z, z_dot)
         q_now, z_now = q.copy(), z.copy()
         for sensor in self._sensors:
             sensor.state(q_now, z_now)
@@ -135,10 +144,7 @@ class _Encoders(Sensor):
         self._resolution = resolution[self._rounded]
         self._robot, self._dt = robot, dt
         self._last: Array | None = None
-        own = np.setdiff1d(np.arange(robot.nq), pose_index(robot))
-        # the wheels tell how the platform moves, if they are coordinates at all
-        tells = np.linalg.matrix_rank(robot.velocity_map(robot.q_rest)[own]) == robot.nz
-        self._telling = own if tells else np.arange(robot.nq)
+        self._telling = telling_rows(robot)
 
     def state(self, q: Array, z: Array) -> None:
         q[self._rounded] = self._resolution * np.round(q[self._rounded] / self._resolution)
@@ -151,6 +157,15 @@ class _Encoders(Sensor):
             c = self._robot.velocity_map(q)[rows]
             z[:] = np.linalg.lstsq(c, (q - self._last)[rows] / self._dt, rcond=None)[0]
         self._last = q.copy()
+
+
+def telling_rows(robot: MobileManipulator) -> Index:
+    """Places in q of what tells z: joints and wheels, or all where these leave something open."""
+    every = np.arange(robot.nq, dtype=np.int64)
+    own = np.setdiff1d(every, pose_index(robot))
+    # the wheels tell how the platform moves, if they are coordinates at all
+    tells = np.linalg.matrix_rank(robot.velocity_map(robot.q_rest)[own]) == robot.nz
+    return own if tells else every
 
 
 def pose_index(robot: MobileManipulator) -> list[int]:

@@ -166,6 +166,13 @@ def _custom(folder, definition, **platform):
     }
 
 
+def test_another_wheel_of_python_code_is_refused(folder):
+    robot = mm.load_robot(_custom(folder, "own.py:Wheeled"))
+    wheels = mm.Scenario(name="s", kinematics=[{"type": "wheels", "radius": 1.1}])
+    with pytest.raises(SpecError, match=r"no field 'wheel_radius'.*true robot as the run's plant"):
+        mm.simulate(robot, "pseudo-inverse", "circle", duration=0.01, scenario=wheels)
+
+
 def test_custom_platform_is_the_built_in_one(folder):
     """Everything, the numerical derivatives included, agrees with the closed forms."""
     own = mm.load_robot(_custom(folder, "own.py:Paper"))

@@ -38,6 +38,13 @@ ALL = {
         {"type": "saturation", "factor": 1.0},
         {"type": "rate-limit", "torque": 10.0, "rise_time": 0.01},
         {"type": "delay", "delay": UNEVEN},
+        {"type": "gain", "spread": 0.1},
+    ],
+    "kinematics": [
+        {"type": "links", "spread": UNEVEN},
+        {"type": "tool", "offset": [0, 0, 0.01]},
+        {"type": "wheels", "radius": 1.1},
+        {"type": "zeros", "spread": 0.01},
     ],
     "sensors": [
         {"type": "noise", "velocity": 1e-3},

@@ -52,6 +52,8 @@ class Site(NamedTuple):
     """Name of the description in messages."""
     folder: Path
     """Folder that relative paths in the description start from."""
+    track: float = 1.0
+    """Factor of the wheels' distances to the left and right of the root link's origin."""
 
 
 class ArmJoints(NamedTuple):

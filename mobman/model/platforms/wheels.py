@@ -60,7 +60,8 @@ def joint_place(site: Site, name: str, field: str, heading: float) -> JointPlace
     columns = pin.getJointJacobian(tree, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
     turn = pin.utils.rotate("z", -heading)
     axis = turn @ columns[3:, tree.joints[index].idx_v]
-    return JointPlace(name, turn @ data.oMi[index].translation, axis)
+    centre = turn @ data.oMi[index].translation * np.array([1.0, site.track, 1.0])
+    return JointPlace(name, centre, axis)
 
 
 def wheel_place(site: Site, name: str, field: str, heading: float) -> JointPlace:
