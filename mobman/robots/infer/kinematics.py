@@ -316,16 +316,16 @@ class Chain:
             (m, n, 3); the tip, shape (m, 3); its linear Jacobian (m/m, m/rad), shape (m, 3, n).
         """
         model, data = self._model, self._data
-        centres, axes = np.empty((2, *q.shape, 3))
-        tip, moved = np.empty((len(q), 3)), np.empty((len(q), 3, q.shape[1]))
-        for k, posture in enumerate(q):
-            at = self._laws @ posture + self._offsets
-            jacobian = np.reshape(pin.computeJointJacobians(model, data, at), (6, -1)).T
-            own = jacobian[self._own]
-            axes[k] = np.where(self._sliding, own[:, :3], own[:, 3:])
+        centres, tip = np.empty((*q.shape, 3)), np.empty((len(q), 3))
+        columns = np.empty((len(q), model.nv, 6))
+        for k, at in enumerate(q @ self._laws.T + self._offsets):
+            columns[k] = np.reshape(pin.computeJointJacobians(model, data, at), (6, -1)).T
             centres[k] = [data.oMi[i + 1].translation for i in self._own]
             tip[k] = pin.updateFramePlacement(model, data, self._tip).translation
-            moved[k] = (jacobian[:, :3] + np.cross(jacobian[:, 3:], tip[k])).T @ self._moving
+        own = columns[:, self._own]
+        axes = np.where(self._sliding, own[..., :3], own[..., 3:])
+        moved = columns[..., :3] + np.cross(columns[..., 3:], tip[:, None])
+        moved = np.swapaxes(moved, 1, 2) @ self._moving
         return centres - np.where(self._sliding, axes * q[:, :, None], 0.0), axes, tip, moved
 
     def loads(self, q: Array) -> Array:
