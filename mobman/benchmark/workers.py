@@ -25,6 +25,8 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
+from mobman.errors import MobmanError
+
 _TRIES = 3  # to start a process
 _START = 300.0  # s, for a process to start; the first on a machine compiles
 _BEGIN = 30.0  # s, for a process that has started to begin with its next work
@@ -42,6 +44,12 @@ _THREADS = (
 )
 
 
+_NO_START = (
+    "a worker process could not start; in a script, what starts a suite must be under: "
+    "if __name__ == '__main__'"
+)
+
+
 class WorkerLostError(Exception):
     """A worker process ended before it answered; the message says how."""
 
@@ -52,9 +60,13 @@ class Workers(ThreadPoolExecutor):
     Args:
         count: Number of processes.
         time_limit: Wall time that a piece of work may take (s); then its process is ended.
+
+    Raises:
+        MobmanError: If no process can start.
     """
 
     def __init__(self, count: int, time_limit: float) -> None:
+        _require_start()
         super().__init__(count, thread_name_prefix="mobman-worker")
         self._limit = time_limit
         self._memory = max(_memory() // (_SHARE * count), _LEAST_MEMORY)
@@ -102,10 +114,7 @@ class Workers(ThreadPoolExecutor):
                 if isinstance(error, ProcessExpired):
                     raise WorkerLostError(_how(error.exitcode)) from error
                 raise
-        raise BrokenExecutor(
-            "a worker process could not start; in a script, what starts a suite must be under: "
-            "if __name__ == '__main__'"
-        )
+        raise BrokenExecutor(_NO_START)
 
     def _start(self) -> ProcessPool:
         pool = ProcessPool(1, initializer=_begin, initargs=(self._memory,), context=_context())
@@ -145,6 +154,18 @@ class Workers(ThreadPoolExecutor):
         pool.stop()  # type: ignore[no-untyped-call]  # pebble does not annotate it
         # joining waits for a process that is stopped to be killed, some seconds
         threading.Thread(target=_join, args=(pool,), daemon=True).start()
+
+
+def _require_start() -> None:
+    """Start and end a process: a pool would start others for ever where each of them fails, since it
+    runs the script that started this one."""
+    context: Any = _context()
+    with one_thread_for_children(), _without_interrupts():
+        probe = context.Process(target=os.getpid)
+        probe.start()
+    probe.join(_START)
+    if probe.exitcode:  # None of one that takes long, as where all is compiled first
+        raise MobmanError(_NO_START)
 
 
 class _NotBegunError(RuntimeError):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import subprocess
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -258,3 +261,21 @@ def test_a_folder_that_cannot_be_written_stops_the_suite(tmp_path, monkeypatch):
         run_suite(suite, tmp_path / "r", workers=2)
     monkeypatch.undo()
     assert run_suite(suite, tmp_path / "r", workers=2).skipped == 3
+
+
+def test_a_script_that_every_worker_would_run_again_is_told(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import sys\n"
+        "from support.suites import run_suite, suite_of\n"
+        "run_suite(suite_of(['pseudo-inverse']), sys.argv[1], workers=1)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, script, tmp_path / "r"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].endswith("must be under: if __name__ == '__main__'")
