@@ -84,9 +84,19 @@ _SHOWN: dict[str, Any] = {"show_default": True}
 @click.command()
 @click.argument("robot", **complete("robots"))
 @click.option(
-    "--controller", default="tsm", **_SHOWN, **complete("controllers"), help="Control law."
+    "--controller",
+    default="tsm",
+    **_SHOWN,
+    **complete("controllers"),
+    help="Control law, or FILE.py:NAME of one.",
 )
-@click.option("--task", default="circle", **_SHOWN, **complete("tasks"), help="Task of the tip.")
+@click.option(
+    "--task",
+    default="circle",
+    **_SHOWN,
+    **complete("tasks"),
+    help="Task of the tip, or FILE.py:NAME.",
+)
 @click.option(
     "--task-option", **_PAIRS, help="A parameter of the task, such as radius=0.3; repeatable."
 )
@@ -155,15 +165,21 @@ def run(
 
     Exit status 1 if the run diverged or met a singularity; its record is written all the same.
     """
-    from mobman.controllers.protocol import make_controller
+    from mobman.controllers.protocol import controllers, make_controller
     from mobman.model.build import load_robot
     from mobman.simulation.scenario import load_scenario
     from mobman.simulation.simulate import seconds, simulate
-    from mobman.tasks.task import check_parameters, make_task
+    from mobman.tasks.task import check_parameters, make_task, tasks
 
     if output is not None:
         check_new(output, suffixes=_SUFFIXES, force=force)
         _check_writable(output)
+    for name, known, option in (
+        (controller, controllers, "--controller"),
+        (task, tasks, "--task"),
+    ):
+        if ".py:" in name:
+            known.register(name, _code(name, option))
     model = load_robot(robot)
     law = make_controller(controller, **gain)
     options = check_parameters(task, task_option)

@@ -11,6 +11,8 @@ from support.command_line import mobman, mobman_process
 from support.suites import small_suite
 
 import mobman as mm
+from mobman.controllers.protocol import controllers
+from mobman.tasks.task import tasks
 
 
 def test_version():
@@ -184,3 +186,57 @@ def test_names_with_brackets_are_printed_as_they_are(tmp_path):
     path = tmp_path / "run[b].h5"
     done = mobman("run", "youbot", "--duration", "0.02", "-o", str(path))
     assert f"record: {path}" in done.stdout
+
+
+OWN = """
+from dataclasses import dataclass
+import numpy as np
+
+class Push:
+    name = "push"
+
+    @dataclass(frozen=True)
+    class Gains:
+        torque: float = 1.0
+
+    def __init__(self, gains):
+        self.gains = gains
+
+    def reset(self, robot, task, dt):
+        self.nz = robot.nz
+
+    def step(self, t, q, z, z_dot):
+        return np.full(self.nz, self.gains.torque)
+
+class Stay:
+    def __init__(self, robot, q0):
+        self.at = robot.tip_pose(q0).translation.copy()
+
+    def desired(self, t):
+        return self.at, *np.zeros((3, 3))
+
+def stay(robot, q0, above: float = 0.0):
+    task = Stay(robot, q0)
+    task.at[2] += above
+    return task
+"""
+
+
+def test_a_law_and_a_task_of_ones_own_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(controllers, "_items", dict(controllers._items))
+    monkeypatch.setattr(tasks, "_items", dict(tasks._items))
+    (tmp_path / "mine.py").write_text(OWN, encoding="utf-8")
+    law, task = ("--controller", "mine.py:Push"), ("--task", "mine.py:stay")
+    given = ("--gain", "torque=0.5", "--task-option", "above=0.1")
+    arguments = ("run", "youbot", *law, *task, "--duration", "0.01", "-o", "run.h5")
+    done = mobman(*arguments, *given)
+    assert done.returncode == 0, done.stderr
+    record = mm.load_record("run.h5")
+    assert (record.controller, record.torque[3].tolist()) == ("push", [0.5] * 5)
+    assert record.task_error[0] == pytest.approx([0.0, 0.0, -0.1])
+    for wrong, reason in {"mine.py:Pull": "Pull", "none.py:Push": "none.py"}.items():
+        done = mobman("run", "youbot", "--controller", wrong)
+        assert done.returncode != 0
+        assert reason in done.stderr
+        assert len(done.stderr.splitlines()) == 1
