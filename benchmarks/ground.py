@@ -2,6 +2,7 @@
 a law holds.
 
     python benchmarks/ground.py convergence [ROBOT ...]
+    python benchmarks/ground.py survey [LAW ...] [--robot ROBOT]
     python benchmarks/ground.py friction [LAW ...] [--robot ROBOT] [--scenario SCENARIO]
 """
 
@@ -20,6 +21,11 @@ HOLDS = 1e-3
 SMOOTH = "pseudo-inverse"
 """Law of the comparison with the ideal plant: it uses no z', and is smooth."""
 LAWS = ("tsm", "tsm-null-space", "time-delay", "extended-jacobian", "computed-torque-integral")
+COMPARED = ("tsm", "tsm-null-space", "computed-torque-integral", "time-delay", "extended-jacobian")
+SURVEYED = (
+    *("nominal", "heavier", "wrong-motors", "uncertain-kinematics", "contact", "noisy"),
+    *("real-limits", "delayed", "realistic"),
+)
 _GROUNDS = ((1e-3, 1e-3, 5e-4), (1e-4, 1e-4, 2.5e-4), (1e-5, 1e-5, 1e-4), (1e-6, 1e-6, 5e-5))
 _LARGEST, _RATIO = 2.0, 1.05  # of the bisection: where it begins, and how near it comes
 
@@ -76,10 +82,19 @@ def least_friction(
     return high, record.metrics["grip_used"]
 
 
+def late_error(robot: str, law: str, scenario: str, duration: float = 8.0) -> str:
+    """Largest |e^e| of the last fifth of the default circle (m), or how the run ended."""
+    record = mm.simulate(robot, law, "circle", duration=duration, scenario=scenario)
+    if not record.ok:
+        return f"{record.status} at {record.t[-1]:.2g} s"
+    late = record.task_error[record.t >= 0.8 * duration, :3]
+    return f"{np.linalg.norm(late, axis=1).max():.1e}"
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", choices=("convergence", "friction"))
+    parser.add_argument("table", choices=("convergence", "friction", "survey"))
     parser.add_argument("names", nargs="*", help="robots, or laws")
     parser.add_argument("--robot", default="tiago_no_hand")
     parser.add_argument("--scenario", default="contact")
@@ -92,6 +107,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for ground in _GROUNDS:
                 tip, base = distance_to_ideal(robot, *ground)
                 print(f"| `{robot}` | {ground[0]:g} | {tip:.1e} | {base:.1e} |", flush=True)
+        return
+    if given.table == "survey":
+        for scenario in SURVEYED:
+            found = [late_error(given.robot, law, scenario) for law in given.names or COMPARED]
+            print(f"| `{scenario}` | {' | '.join(found)} |", flush=True)
         return
     print("| law | least friction | grip used there |\n| --- | --- | --- |")
     for law in given.names or LAWS:
