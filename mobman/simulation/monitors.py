@@ -36,6 +36,7 @@ from mobman.simulation.singularity import Jacobians
 
 STAGES = ("kinematic", "dynamic")
 _BLOCK = 1000  # ticks whose matrices are in memory together
+MARGINS = "margin of the gain"
 BALL = 1.0 - 1e-9
 """|n| from which on the state is off the manifold."""
 
@@ -302,7 +303,7 @@ def ratios_of(signals: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
         return {}
     return {
         "assumption holds up to 1": {item.equation: item.ratio for item in assumptions(signals)},
-        "margin of the gain": {stage: signals[f"monitors/margin_{stage}"] for stage in STAGES},
+        MARGINS: {stage: signals[f"monitors/margin_{stage}"] for stage in STAGES},
     }
 
 

@@ -21,6 +21,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import find_spec, list_robots
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.read import UrdfSources, urdf_file, urdf_sources
+from mobman.simulation.monitors import MARGINS, ratios_of
 from mobman.simulation.parts import robot_of
 from mobman.simulation.record import Record
 from mobman.viewer.meshes import Surface
@@ -76,6 +77,8 @@ class SampledRun(NamedTuple):
     for tasks without one."""
     angle: Array | None = None
     """Angle between the tip and that (rad), shape (N,)."""
+    margins: Array | None = None
+    """Of the gains of both stages in a monitored run, the least until the next sample, shape (N, 2)."""
     path: Array | None = None
     """p_d of all of the run (m), shape (M, 3), if it has only begun."""
 
@@ -86,7 +89,7 @@ class SampledRun(NamedTuple):
 
     def described(self) -> dict[str, Any]:
         """The motion for the page."""
-        single = ("error", "platform", "effort", "turn", "angle")
+        single = ("error", "platform", "effort", "turn", "angle", "margins")
         return {
             name: None if array is None else packed(array, "f4" if name in single else "f8")
             for name, array in self._asdict().items()
@@ -119,13 +122,18 @@ def motion(record: States, robot: MobileManipulator | None, *, runs: int = 1) ->
         turn = turn[kept] if turn.shape[1] == 3 else np.roll(turn[kept], -1, axis=1)
         half = 0.5 * np.linalg.norm(record.task_error[kept, 3:], axis=1)
         angle = 2.0 * np.arcsin(np.minimum(half, 1.0))
+    own = ratios_of(getattr(record, "signals", {}))
+    margins = (
+        np.array([np.fmin.reduceat(one, kept) for one in own[MARGINS].values()]).T if own else None
+    )
+    sampled = SampledRun(t, tip, desired, error, platform, turn=turn, angle=angle, margins=margins)
     if robot is None:
-        return SampledRun(t, tip, desired, error, platform, turn=turn, angle=angle)
+        return sampled
     if m < 3:  # a planar task says nothing of the height
         tip[:, 2] = desired[:, 2] = [robot.tip_pose(row).translation[2] for row in q]
     q_dot = np.array([robot.velocity_map(a) @ b for a, b in zip(q, z, strict=True)])
     effort = np.array([robot.actuation(a) @ b for a, b in zip(q, torque, strict=True)])
-    return SampledRun(t, tip, desired, error, platform, q, q_dot, effort, turn, angle)
+    return sampled._replace(tip=tip, desired=desired, q=q, q_dot=q_dot, effort=effort)
 
 
 def frames(t: Array, most: int = MOST_FRAMES) -> Index:

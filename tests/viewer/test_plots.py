@@ -115,3 +115,26 @@ def test_several_runs_have_a_curve_each_in_their_colours(runs, opened, tmp_path)
             curves = page.locator("#plots svg").nth(plot).locator(".curve")
             assert [curve.get_attribute("stroke") for curve in curves.all()] == colours
         assert _points(page, 0, 1)[-1, 0] < 0.4 * _points(page, 0, 0)[-1, 0], "it ended before"
+
+
+def test_margins_of_a_monitored_run_have_a_plot(opened, tmp_path):
+    """The least of each stage until the next frame, on decades that have 1 among them."""
+    record = mm.simulate("youbot", "tsm", "circle", duration=0.1, monitor=True)
+    with opened(mm.view(record, html=tmp_path / "run.html").url) as page:
+        page.click("#fold")
+        names = page.evaluate("mobman.app.plots[2].curves.map(curve => curve.label)")
+        assert names == ["kinematic", "dynamic"]
+        t, shown = page.evaluate(
+            "[Array.from(mobman.app.plots[2].curves[1].t), "
+            "Array.from(mobman.app.plots[2].curves[1].values)]"
+        )
+        margin = record.signals["monitors/margin_dynamic"]
+        first, last = (round(1000 * time) for time in t[3:5])
+        assert shown[3] == pytest.approx(np.nanmin(margin[first:last]), rel=1e-6)
+        assert page.evaluate("mobman.app.plots[2].logarithmic[0]") <= -1
+        texts = page.locator("#plots svg:nth-child(3) text").all_text_contents()
+        assert "margin of the gains, enough from 1 on" in texts
+        rules = page.locator("#plots svg:nth-child(3) .rule")
+        heights = [float(rules.nth(i).get_attribute("y1")) for i in range(rules.count())]
+        enough = page.evaluate("mobman.app.plots[2].y(1)")
+        assert min(abs(height - enough) for height in heights) < 0.01

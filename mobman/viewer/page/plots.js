@@ -31,9 +31,10 @@ function curvePath({ t, values }, x, y) {
 }
 
 class Plot {
-  // curves: label, colour, t and values of each; logarithmic: the decades that it shows, or null
-  constructor(app, title, curves, logarithmic = null) {
-    Object.assign(this, { app, title, curves, logarithmic, pointer: null });
+  // curves: label, colour, t and values of each; logarithmic: the decades that it shows, or null; least: it
+  // is about what is below 1
+  constructor(app, title, curves, logarithmic = null, least = false) {
+    Object.assign(this, { app, title, curves, logarithmic, least, pointer: null });
     this.root = svg("svg", { height: PLOT_HEIGHT, role: "img", "aria-label": title });
     this.root.onpointermove = this.root.onpointerdown = (event) => this.point(event);
     this.root.onpointerleave = () => {
@@ -60,7 +61,7 @@ class Plot {
     this.x = (time) => EDGE.left + (time / duration) * (right - EDGE.left);
     const at = (level) => bottom - ((Math.min(Math.max(level, low), high) - low) / (high - low)) * (bottom - EDGE.top);
     this.y = this.logarithmic ? (value) => at(value === 0 ? low : Math.log10(Math.abs(value))) : at;
-    const levels = this.logarithmic ? [low, Math.round((low + high) / 2), high] : [low, 0, high];
+    const levels = this.logarithmic ? [low, this.least ? 0 : Math.round((low + high) / 2), high] : [low, 0, high];
     const nodes = [...new Set(levels)].flatMap((level) => {
       const name = this.logarithmic ? `1e${level}` : Number(level.toPrecision(2)).toString();
       const attributes = { x: EDGE.left - 6, y: at(level) + 4, "text-anchor": "end" };
@@ -91,7 +92,7 @@ class Plot {
     return low < high ? [low, high] : [-1, 1];
   }
 
-  // The time now, and the value of the curve next to the pointer, or else of the largest.
+  // The time now, and the value of the curve next to the pointer, or else of the largest (or least).
   setTime() {
     if (!this.cursor) return;
     const x = this.x(this.app.time);
@@ -99,7 +100,7 @@ class Plot {
     const now = this.curves.map(({ label, t, values }) => ({ label, value: values[lastAt(t, this.app.time)] }));
     const off = ({ value }) => {
       if (!Number.isFinite(value)) return Infinity;
-      return this.pointer === null ? -Math.abs(value) : Math.abs(this.y(value) - this.pointer);
+      return this.pointer === null ? (this.least ? 1 : -1) * Math.abs(value) : Math.abs(this.y(value) - this.pointer);
     };
     const nearest = now.reduce((best, one) => (off(one) < off(best) ? one : best), now[0]);
     this.value.textContent = `${nearest.label} ${Number(nearest.value.toPrecision(3))}`;
@@ -107,26 +108,47 @@ class Plot {
 }
 
 const column = (table, i) => Float32Array.from({ length: table.rows }, (_, row) => table[table.columns * row + i]);
-const largest = (table) =>
-  Float32Array.from({ length: table.rows }, (_, row) =>
-    table.subarray(table.columns * row, table.columns * (row + 1)).reduce((most, value) => Math.max(most, Math.abs(value)), 0)
-  );
+const ofRows = (table, pick) =>
+  Float32Array.from({ length: table.rows }, (_, row) => pick(...table.subarray(table.columns * row, table.columns * (row + 1))));
+const largest = (...row) => Math.max(...row.map(Math.abs));
+const least = (...row) => Math.min(...row.map((value) => (Number.isFinite(value) ? value : Infinity)));
 
-// Of one run the torque on every joint; of several the largest of each.
+// The decades of some curves, with 1 inside.
+function decadesAround(curves) {
+  let [low, high] = [-1, 1];
+  for (const { values } of curves)
+    for (const value of values)
+      if (value > 0 && value < Infinity) [low, high] = [Math.min(low, Math.floor(Math.log10(value))), Math.max(high, Math.ceil(Math.log10(value)))];
+  return [Math.max(low, -6), Math.min(high, 6)];
+}
+
+// Of one run the torque on every joint, and the margins of both stages; of several the largest, and the
+// least, of each.
 function plotsOf(app) {
   const { runs, several, scene } = app;
   const curve = (run, values) => ({ label: several ? run.label : "", colour: run.colour, t: run.motion.t, values });
+  const each = (run, table, columns, pick) => {
+    if (several) return curve(run, ofRows(table, pick));
+    return columns.map(([label, index], i) => {
+      return { label, colour: scene.palette[i % scene.palette.length], t: run.motion.t, values: column(table, index) };
+    });
+  };
   const errors = runs.map((run) => curve(run, run.motion.error));
   const plots = [new Plot(app, "|error| (m)", errors, scene.error_decades)];
   const driven = runs.filter((run) => run.efforts.length);
-  if (!driven.length) return plots;
-  const slides = driven.some((run) => run.efforts.some(({ joint }) => !joint.turns));
-  const unit = slides ? "(N m; N where it slides)" : "(N m)";
-  const torques = several
-    ? driven.map((run) => curve(run, largest(run.motion.effort)))
-    : driven[0].efforts.map(({ joint: { name, q } }, i) => {
-        const colour = scene.palette[i % scene.palette.length];
-        return { label: name, colour, t: runs[0].motion.t, values: column(runs[0].motion.effort, q) };
-      });
-  return [...plots, new Plot(app, `${several ? "largest |torque|" : "torque"} ${unit}`, torques)];
+  if (driven.length) {
+    const slides = driven.some((run) => run.efforts.some(({ joint }) => !joint.turns));
+    const unit = slides ? "(N m; N where it slides)" : "(N m)";
+    const torques = driven.flatMap((run) => {
+      return each(run, run.motion.effort, run.efforts.map(({ joint }) => [joint.name, joint.q]), largest);
+    });
+    plots.push(new Plot(app, `${several ? "largest |torque|" : "torque"} ${unit}`, torques));
+  }
+  const monitored = runs.filter((run) => run.motion.margins);
+  if (monitored.length) {
+    const stages = [["kinematic", 0], ["dynamic", 1]];
+    const margins = monitored.flatMap((run) => each(run, run.motion.margins, stages, least));
+    plots.push(new Plot(app, "margin of the gains, enough from 1 on", margins, decadesAround(margins), true));
+  }
+  return plots;
 }

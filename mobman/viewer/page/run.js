@@ -1,5 +1,5 @@
 // A run: its robot, its samples, its lines and its torques. A robot alone is a run without motion.
-const TRACKS = ["t", "q", "q_dot", "tip", "desired", "error", "platform", "effort", "turn", "angle"];
+const TRACKS = ["t", "q", "q_dot", "tip", "desired", "error", "platform", "effort", "turn", "angle", "margins"];
 
 // The last of rising times that is not after one, or the first.
 function lastAt(times, time) {
