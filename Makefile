@@ -2,6 +2,8 @@
 
 PYTHON ?= python3
 SUITE ?= paper
+# The suite of make table; its table stands in docs/suites.md.
+TABLE ?= table
 # Of the script that the target runs: make speed OPTIONS=--quick, make browser OPTIONS=--dry-run
 OPTIONS ?=
 RESULTS := results
@@ -14,7 +16,7 @@ PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # The results of the suite, which may be a name or a file.
 OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 
-.PHONY: bench test test-slow nightly speed lint format claims pictures browser clean help
+.PHONY: bench test test-slow nightly speed lint format claims table pictures browser clean help
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -49,6 +51,10 @@ format: $(VENV)/installed-test ## let ruff format the code
 
 claims: $(VENV)/installed ## renew the numbers of README and docs that runs produced; fails if one drifted
 	$(BIN)/python docs/claims.py $(OPTIONS)
+
+table: $(VENV)/installed-test ## every law in what robots meet: run the suite table (an hour), write it into docs/suites.md
+	$(BIN)/mobman bench run $(TABLE) -o $(RESULTS)/$(basename $(notdir $(TABLE)))
+	$(BIN)/python docs/table.py $(RESULTS)/$(basename $(notdir $(TABLE))) docs/suites.md
 
 pictures: bench $(VENV)/installed-film ## draw the pictures of README and docs; this needs a browser
 	$(BIN)/python docs/pictures.py $(OPTIONS) $(OUT) $(IMAGES)

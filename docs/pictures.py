@@ -1,8 +1,9 @@
 """Draw the pictures of README and docs: from the results of the suite `paper`, and of robots and runs.
 
-python docs/pictures.py results/paper docs/images
+python docs/pictures.py results/paper docs/images --fair results/fair
 
-With ``--quick``, runs are short, of a small robot, and views small: to try it.
+With ``--fair``, the leaderboard of the suite ``fair`` is drawn, too. With ``--quick``, runs are short,
+of a small robot, and views small: to try it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from pathlib import Path
 import numpy as np
 
 import mobman as mm
+from mobman.benchmark.report.charts import leaderboard_figure, looks_for
+from mobman.benchmark.report.data import read_results
+from mobman.benchmark.report.standings import board_of
 from mobman.benchmark.store import Store
 from mobman.figures.charts import Curve, thin, time_chart
 from mobman.figures.files import beside, drawn, write_all
@@ -44,6 +48,13 @@ def error_picture(store: Store, robot: str, scenarios: tuple[str, ...], path: Pa
     write_all({path: drawn(beside(charts, across=True), "png")})
 
 
+def leaderboard_picture(store: Store, path: Path) -> None:
+    """The leaderboard of a suite's report."""
+    results = read_results(store)
+    figure = leaderboard_figure(board_of(results), looks_for(results))
+    write_all({path: drawn(figure.charts[0], "png")})
+
+
 def views(folder: Path, quick: bool = False) -> None:
     """Robots and runs as `mobman view` shows them; this needs the extras `view` and `film`."""
     size = (160, 90) if quick else (1280, 720)
@@ -67,6 +78,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Draw the pictures of README and docs.")
     parser.add_argument("results", type=Path, help="folder of the suite's results")
     parser.add_argument("folder", type=Path, help="folder of the pictures")
+    parser.add_argument("--fair", type=Path, help="folder of the results of the suite fair")
     parser.add_argument(
         "--quick", action="store_true", help="short runs of a small robot, small views"
     )
@@ -75,6 +87,8 @@ def main() -> None:
         store, folder = Store(options.results), options.folder
         error_picture(store, "youbot", ("nominal", "heavier"), folder / "paper-youbot.png")
         error_picture(store, "tiago_no_hand", ("nominal", "heavier"), folder / "paper-tiago.png")
+        if options.fair is not None:
+            leaderboard_picture(Store(options.fair), folder / "fair.png")
         views(folder, options.quick)
     except mm.MobmanError as error:
         sys.exit(f"pictures.py: {error}")

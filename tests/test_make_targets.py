@@ -62,7 +62,7 @@ class Checkout:
             )
         for name in ("docs", "docs/images", "tests", ".venv", ".venv/bin"):
             (folder / name).mkdir()
-        for name in ("Makefile", "pyproject.toml", "docs/pictures.py"):
+        for name in ("Makefile", "pyproject.toml", "docs/pictures.py", "docs/table.py"):
             shutil.copy(ROOT / name, folder / name)
         (folder / "small.toml").write_text(SUITE)
         (folder / "tests" / "test_small.py").write_text(TESTS.lstrip())
@@ -157,6 +157,17 @@ def results(checkout):
 def test_bench_writes_results_and_report(results):
     assert (results / "report.html").is_file()
     assert len(list((results / "runs").glob("*.h5"))) == 4
+
+
+@pytest.mark.usefixtures("results")
+def test_table_is_written_into_its_page(checkout):
+    page = checkout.folder / "docs" / "suites.md"
+    page.write_text("Before.\n\n<!-- results: small -->\n\n<!-- end -->\n\nAfter.\n")
+    checkout.make("table", "TABLE=small.toml")
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("Before.")
+    assert text.endswith("After.\n")
+    assert re.search(r"^\| `tsm` \| z', M, J' \| [^|]*\(\d\) \|", text, re.MULTILINE)
 
 
 @pytest.mark.slow

@@ -163,11 +163,13 @@ class TuningDisplay(Display):
         super().__init__()
         self._workers = workers
         self._scores: dict[str, float] = {}
+        self._tried: set[str] = set()
         self._seconds: list[float] = []
 
     def start(self, plan: Plan) -> None:
         """Show what will be done."""
         self._plan, self._trials, self._runs = plan, plan.done, plan.done * plan.runs
+        self._scores = dict(plan.scores)
         gains = ", ".join(f"{label} ({count})" for label, count in plan.gains.items())
         simulated = len(plan.gains) * plan.trials * plan.seconds
         self._show(total=plan.total)
@@ -186,7 +188,8 @@ class TuningDisplay(Display):
             return
         score, controllers = step.trial.score, len(self._plan.gains)
         self._trials += 1
-        new = step.label not in self._scores
+        new = step.label not in self._tried
+        self._tried.add(step.label)
         best = self._scores[step.label] = min(self._scores.get(step.label, score), score)
         self._show()
         if not self.live or level() > 0:
@@ -195,7 +198,7 @@ class TuningDisplay(Display):
                 f"{step.number}: {score:.3f}, best {best:.3f}"
             )
         # how long the rest takes, once there is a trial of each controller
-        if new and len(self._scores) == controllers:
+        if new and len(self._tried) == controllers:
             each = sum(self._seconds) / len(self._seconds)
             left = (self._plan.total - self._runs) * each / self._workers
             self.say(f"about {left / 60:.1f} min to go with {self._workers} workers")

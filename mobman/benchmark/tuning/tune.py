@@ -57,6 +57,8 @@ class Plan:
     """Simulated time of a trial (s)."""
     done: int
     """Trials that were there already."""
+    scores: Mapping[str, float]
+    """The best score of these, by label."""
 
     @property
     def total(self) -> int:
@@ -139,9 +141,13 @@ def tune_suite(
     numbers = range(tuning.trials)
     if on_start is not None:
         counts = {label: len(space) for label, space in spaces.items()}
-        done = sum(number in search.done for search in searches.values() for number in numbers)
+        there = {
+            k: [t for t in own.done.values() if t.number in numbers] for k, own in searches.items()
+        }
+        done = sum(map(len, there.values()))
+        scores = {label: min(t.score for t in found) for label, found in there.items() if found}
         seconds = sum(run.duration for run in runs)
-        on_start(Plan(counts, tuning.trials, len(runs), seconds, done))
+        on_start(Plan(counts, tuning.trials, len(runs), seconds, done, scores))
     limit = suite.time_limit
     backend: Backend = Local(workers, limit) if executor is None else AnyExecutor(executor)
     with backend:

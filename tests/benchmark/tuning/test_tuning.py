@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections import Counter
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.tuning import (
@@ -261,9 +262,14 @@ tune_suite(load_suite({str(suite)!r}), {str(tmp_path)!r}, executor=Inline(), on_
     ended = subprocess.run([sys.executable, "-c", code], env=environment, check=False)
     assert ended.returncode == -signal.SIGKILL
     assert (tmp_path / "trials.jsonl.lock").is_symlink()
-    again = Inline()
-    tune_suite(small(), tmp_path, executor=again)
+    again, plans = Inline(), []
+    result = tune_suite(small(), tmp_path, executor=again, on_start=plans.append)
     assert again.count == 2 * (12 - 3)
+    (plan,) = plans
+    assert plan.done == 3
+    own = {label: [trial.score for trial in trials] for label, trials in result.trials.items()}
+    assert plan.scores
+    assert all(plan.scores[k] in np.minimum.accumulate(own[k]) for k in plan.scores)
     assert trials_in(tmp_path) == trials_in(reference)
 
 
