@@ -36,7 +36,7 @@ def test_short_run(robot, controller, duration):
         assert relative(steps[1:], mean[1:]) < 1e-3
 
 
-@pytest.mark.parametrize("dt", [5e-3, pytest.param(1e-3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("dt", [2.5e-3, pytest.param(1e-3, marks=pytest.mark.slow)])
 def test_paper_law_settles(robot, dt):
     """On every robot whose arm has three joints or more, to 1e-4 within 5 s of a circle in reach."""
     assert robot.n >= 3
