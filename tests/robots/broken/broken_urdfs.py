@@ -148,7 +148,11 @@ def urdf_with_an_unknown_entity(robot: GoodRobot) -> None:
 # Another format
 
 
-@case(FILE, "<sdf>", "<robot>", "SDF", "Gazebo")
+@case(
+    FILE,
+    *("<sdf>", "<robot>", "SDF", "Gazebo"),
+    added=(FILE, "SDF", "0 models with joints", "allowed: one"),
+)
 def urdf_is_an_sdf(robot: GoodRobot) -> None:
     robot.urdf.write_text('<sdf version="1.7"><model name="cart"/></sdf>', encoding="utf-8")
 
