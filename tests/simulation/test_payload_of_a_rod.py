@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from pydantic import ValidationError
 
+from mobman.errors import SpecError
 from mobman.simulation.scenario import Scenario
 
 
@@ -19,5 +19,5 @@ def test_thin_rod_is_a_body():
 
 @pytest.mark.parametrize("inertia", [[-1e-3, 0.02, 0.02], [0.0, 0.02, 0.03]])
 def test_no_body_has_such_moments(inertia):
-    with pytest.raises(ValidationError, match="that of no body"):
+    with pytest.raises(SpecError, match="that of no body"):
         _with(inertia)
