@@ -11,8 +11,8 @@ from pydantic import Field
 from mobman.arrays import Array
 from mobman.errors import UsageError
 from mobman.model.build import load_geometry
-from mobman.model.chain import Chain
 from mobman.model.criterion import ByComplexStep, Criterion, Term, criteria
+from mobman.model.joint_tree import JointTree
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.obstacles import Obstacle
 
@@ -63,7 +63,7 @@ class LinkClearance(ByComplexStep):
         own = set(robot.arm.joints.tolist())
         arm = [i for i in range(1, robot.model.njoints) if robot.model.idx_qs[i] in own]
         # what carries the arm, and the arm
-        self._chain = Chain(robot.model, {i for j in arm for i in robot.model.supports[j] if i})
+        self._chain = JointTree(robot.model, {i for j in arm for i in robot.model.supports[j] if i})
         solids = load_geometry(robot).collision.geometryObjects
         covers = [_cover(solids, joint) for joint in self._chain.joints]
         self.radii = np.concatenate([radii for _, radii in covers])

@@ -6,8 +6,8 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import UsageError
-from mobman.model.chain import Chain, ChainPose
 from mobman.model.criterion import ByComplexStep, Criterion, Term, criteria
+from mobman.model.joint_tree import JointTree, TreePose
 from mobman.model.mobile_manipulator import MobileManipulator
 
 _RANK = 1e-12  # det(J J^T) over that of a matrix of equal singular values
@@ -44,7 +44,7 @@ class _Arm(ByComplexStep):
         model, frame = robot.model, robot.model.frames[robot.model.getFrameId(robot.tip)]
         own = set(robot.arm.joints.tolist())
         supports = model.supports[frame.parentJoint]
-        self._chain = Chain(model, [i for i in supports if i and model.idx_qs[i] in own])
+        self._chain = JointTree(model, [i for i in supports if i and model.idx_qs[i] in own])
         self._weight = weight
         self._index = self._chain.index
         self._tip = frame.placement.homogeneous
@@ -52,7 +52,7 @@ class _Arm(ByComplexStep):
         arm = moved[:, robot.nz - robot.n :]
         self._share = arm @ arm.T
 
-    def _pose(self, q: Array) -> tuple[ChainPose, Array]:
+    def _pose(self, q: Array) -> tuple[TreePose, Array]:
         """The chain, and J of the tip, shape (joints, 3), in the arm's first frame."""
         pose = self._chain.at(q)
         return pose, pose.jacobian((pose.frames[-1] @ self._tip)[None, :3, 3])[0]

@@ -48,7 +48,7 @@ def urdf_of(sdf: ET.Element, where: str) -> tuple[str, list[str]]:
     if len(moving) != 1:
         named = f" ({listed(one.get('name', '') for one in moving)})" if moving else ""
         raise SpecError(f"{where} has {len(moving)} models with joints{named}; allowed: one")
-    made = _Conversion(moving[0], sdf.get("version", "1.7"), where)
+    made = _Model(moving[0], sdf.get("version", "1.7"), where)
     made.run()
     if others := [one.get("name", "") for one in models if one is not moving[0]]:
         made.said.append(f"left out, since they are no part of the robot: {listed(others)}")
@@ -59,7 +59,7 @@ def _kind(joint: ET.Element) -> str:
     return joint.get("type", "")
 
 
-class _Conversion:
+class _Model:
     """A URDF that grows from a model.
 
     SDF puts every frame anywhere; the frame of a URDF's link is that of its joint. Where SDF has the

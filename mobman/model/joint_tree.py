@@ -11,7 +11,7 @@ import pinocchio as pin
 from mobman.arrays import Array
 
 
-class ChainPose(NamedTuple):
+class TreePose(NamedTuple):
     """A chain at one q, in the frame in which its first joint is placed."""
 
     axes: Array
@@ -35,7 +35,7 @@ class ChainPose(NamedTuple):
         return np.minimum(k, i), np.maximum(k, i)
 
 
-class Chain:
+class JointTree:
     """Joints of one degree of freedom, each placed on one of those before it or on the root.
 
     Args:
@@ -63,7 +63,7 @@ class Chain:
             placement = model.jointPlacements[i].homogeneous
             self._steps.append((own.get(model.parents[i]), placement, cross, cross @ cross))
 
-    def at(self, q: Array) -> ChainPose:
+    def at(self, q: Array) -> TreePose:
         """The chain at q, shape (nq,), real or complex."""
         own = q[self.index]
         sines, versines = np.sin(own), 1.0 - np.cos(own)
@@ -74,7 +74,7 @@ class Chain:
             frames[k] = placement @ moved if parent is None else frames[parent] @ placement @ moved
         # a joint's own motion leaves its axis as it is
         turned = frames[:, :3, :3]
-        return ChainPose(
+        return TreePose(
             np.einsum("kij,kj->ki", turned, np.array(self._turns)),
             np.einsum("kij,kj->ki", turned, np.array(self._slides)),
             frames,
