@@ -80,13 +80,14 @@ class LinkClearance(ByComplexStep):
     def require_outside(self, q: Array) -> None:
         """Raise if a sphere's centre is in an obstacle: UsageError."""
         points = self._centres(q)
-        for obstacle in self.obstacles:
+        for number, obstacle in enumerate(self.obstacles):
             inside = np.flatnonzero(obstacle.distance(points).value <= 0.0)
             if inside.size:
-                name = self._model.names[self._chain.joints[self._joint[inside[0]]]]
+                joint = self._model.names[self._chain.joints[self._joint[inside[0]]]]
                 raise UsageError(
-                    f"criterion 'clearance': at rest, what {name!r} of {self._model.name!r} moves is in "
-                    f"the obstacle {obstacle!r}; move one of them"
+                    f"criterion 'clearance': at rest, a link that joint {joint!r} of "
+                    f"{self._model.name!r} moves is in obstacles[{number}] ({obstacle.type}); "
+                    "move one of them"
                 )
 
     def value(self, q: Array) -> float:
@@ -104,6 +105,7 @@ class LinkClearance(ByComplexStep):
         if not np.any(near):
             return gradient, hessian
         pose, index = self._chain.at(along), self._chain.index
+        earlier, later = pose.pairs()
         scale = self._given.weight / margin**2
         whole = np.zeros((len(index), len(index)), dtype=along.dtype)
         for obstacle, own in zip(self.obstacles, near, strict=True):
@@ -122,7 +124,6 @@ class LinkClearance(ByComplexStep):
             within = slope[:, None, None] * found.hessian
             whole += np.einsum("p,pi,pj->ij", scale * depth**2, normal, normal)
             whole += np.einsum("pic,pcd,pjd->ij", J, within, J, optimize=True)
-            earlier, later = pose.pairs()
             moment = np.cross(J, force[:, None]).sum(axis=0)  # J_i x dF/dp
             curved = np.einsum("kic,kic->ki", pose.axes[earlier], moment[later])
             whole += np.where(self._chain.moves[later, earlier], curved, 0.0)

@@ -152,8 +152,8 @@ class Scenario(Displayed, Strict):
     kinematics: list[KinematicsSource] = Field([], max_length=MOST_PIECES)
     """Wrong dimensions: J, and N of the platform; one after the other."""
     tip: Literal["modelled", "measured"] = "modelled"
-    """What tells a law where its tip is: its model at the measured q and z, or the true tip's position
-    and velocity; its Jacobian is the model's in either case."""
+    """A law's knowledge of its tip: its model at the measured q and z, or the true tip's position and
+    velocity; its Jacobian is the model's in either case."""
     inertias: list[InertiaSource] = Field([], max_length=MOST_PIECES)
     """More of the kind, one after the other, before the payload."""
     friction: list[FrictionSource] = Field([], max_length=MOST_PIECES)

@@ -78,7 +78,8 @@ class SampledRun(NamedTuple):
     angle: Array | None = None
     """Angle between the tip and that (rad), shape (N,)."""
     margins: Array | None = None
-    """Of the gains of both stages in a monitored run, the least until the next sample, shape (N, 2)."""
+    """Margins of the gains of both stages in a monitored run, the least until the next sample;
+    shape (N, 2)."""
     path: Array | None = None
     """p_d of all of the run (m), shape (M, 3), if it has only begun."""
 

@@ -154,5 +154,5 @@ def test_what_is_wrong_is_told():
     with pytest.raises(GainError, match="normal"):
         mm.make_controller("tsm", criteria=[bad | {"obstacles": [flat]}])
     on_top = {"type": "sphere", "centre": (0, 0, 0.3), "radius": 0.4}
-    with pytest.raises(UsageError, match="is in the obstacle"):
+    with pytest.raises(UsageError, match=r"'base_theta' .* is in obstacles\[0\] \(sphere\)"):
         term_of(mm.load_robot("youbot"), on_top)

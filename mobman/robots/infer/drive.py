@@ -106,7 +106,7 @@ class Drive:
 
     @property
     def beside(self) -> float:
-        """How far the tyres that drive are from the frames of their joints, along their axes (m)."""
+        """Largest distance of a tyre that drives from the frame of its joint, along the axis (m)."""
         return max(
             (float(np.linalg.norm(w.middle - w.joint.centre)) for w in self.driven), default=0.0
         )
