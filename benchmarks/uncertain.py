@@ -4,13 +4,16 @@ python benchmarks/uncertain.py error [LAW ...] [--robots ROBOT ...] [--shares SH
 python benchmarks/uncertain.py condition [ROBOT ...] [--shares SHARE ...]
 python benchmarks/uncertain.py margin [LAMBDA_2 ...] [--lambda_1 LAMBDA_1]
 python benchmarks/uncertain.py motors [FACTOR ...] [--scales SCALE ...]
+python benchmarks/uncertain.py singular [LAW ...]
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import tomllib
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numba import njit
@@ -20,6 +23,7 @@ from mobman.arrays import Array
 from mobman.controllers.task_errors import TaskSpace
 from mobman.model.criterion import Posture
 from mobman.model.metric import base_metric
+from mobman.resources import resource_folder
 from mobman.simulation.pieces import Setting
 
 LAWS = (
@@ -106,10 +110,40 @@ def margin(lambda_1: float, lambda_2: float) -> float:
     return low
 
 
+def cranked(dead: float | None = None) -> mm.MobileManipulator:
+    """The youBot's arm and body on a base whose turning motor has no lever at the heading ``dead``."""
+    folder = resource_folder("robots")
+    fields = tomllib.loads((folder / "youbot.toml").read_text(encoding="utf-8"))
+    options = {} if dead is None else {"dead": dead}
+    crank = f"{Path(__file__).with_name('crank.py')}:Crank"
+    fields["platform"] = {"type": "custom", "definition": crank, "options": options}
+    fields["urdf"]["lock"] = ["phi_1", "phi_2"]
+    return mm.load_robot({**fields, "name": "cranked", "folder": folder})
+
+
+def passage(law: str, scenario: str, time: float, duration: float = 10.0) -> str:
+    """Cost of passing the heading that the robot without a dead one has at ``time``: largest |e^e| in
+    the 0.4 s about it and at the end, each with that of the free robot, and the motor's peak (N m)."""
+    free = mm.simulate(cranked(), law, "circle", duration=duration, scenario=scenario)
+    heading = free.joint_names.index("base_theta")
+    robot = cranked(float(free.q[np.searchsorted(free.t, time), heading]))
+    record = mm.simulate(robot, law, "circle", duration=duration, scenario=scenario)
+    if not record.ok:
+        return f"{record.status} at {record.t[-1]:.2g} s"
+    near = np.abs(record.t - time) <= 0.2
+    sizes = [
+        np.linalg.norm(run.task_error[part, :3], axis=1).max()
+        for part in (near, record.t >= 0.8 * duration)
+        for run in (record, free)
+    ]
+    peak = np.abs(record.torque[:, 1]).max()
+    return "{:.1e} ({:.1e}), {:.1e} ({:.1e}), {:.2g}".format(*sizes, peak)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("table", choices=("error", "condition", "margin", "motors"))
+    parser.add_argument("table", choices=("error", "condition", "margin", "motors", "singular"))
     parser.add_argument("names", nargs="*")
     parser.add_argument("--robots", nargs="+", default=ROBOTS)
     parser.add_argument("--shares", nargs="+", type=float, default=SHARES)
@@ -139,6 +173,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(
                 f"| {given.lambda_1:g} | {lambda_2:g} | {math.degrees(angle):.0f}° | {size:.2f} |"
             )
+    elif given.table == "singular":
+        for law in given.names or ("tsm", "tsm-inverse-actuation"):
+            for scenario in ("nominal", "heavier"):
+                found = " | ".join(passage(law, scenario, time) for time in (0.5, 1.0, 3.0))
+                print(f"| `{law}` | `{scenario}` | {found} |", flush=True)
     else:
         for factor in map(float, given.names or (0.25, 0.5, 1.5, 1.9, 2.1, 3.5, 4.5)):
             scenario = mm.Scenario(name="motors", actuation=[{"type": "gain", "factor": factor}])
