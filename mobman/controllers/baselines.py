@@ -254,7 +254,7 @@ class DampedGains(RedundancyGains):
 
 
 class DampedLeastSquares(PseudoInverse):
-    """As ``pseudo-inverse``, with j_e^T (j_e j_e^T + mu^2 I)^-1 in the place of j_e^+ for the task
+    """Law ``pseudo-inverse`` with j_e^T (j_e j_e^T + mu^2 I)^-1 in the place of j_e^+ for the task
     (Nakamura and Hanafusa; Wampler): bounded at singularities, inexact everywhere else. The
     null-space projector keeps the exact j_e^+, since a damped one leaks the descent into the task."""
 

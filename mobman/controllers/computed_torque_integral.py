@@ -36,7 +36,7 @@ class IntegralGains(TrackingGains):
 
 
 class ComputedTorqueIntegral(LimitedMotors, ExtendedJacobianControl):
-    r"""As ``extended-jacobian``, with the integral of the error, and computed torque:
+    r"""Law ``extended-jacobian`` with the integral of the error, and computed torque:
 
     .. math:: \dot z = J^{-1}(\ddot p_d - K_v \dot e - K_p e - K_i \int e\,dt - \dot J z),
         \quad B v = M \dot z + Pz + G.

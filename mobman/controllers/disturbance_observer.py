@@ -29,7 +29,7 @@ class ObserverGains(TrackingGains):
 
 
 class DisturbanceObserver(ExtendedJacobianControl):
-    r"""As ``extended-jacobian``, less the estimate of what the nominal model does not explain:
+    r"""Law ``extended-jacobian``, less the estimate of what the nominal model does not explain:
 
     .. math:: B v = M \dot z_d + Pz + G + \hat D, \quad
         \dot{\hat D} = K_O\,(B v - M \dot z - Pz - G - \hat D).

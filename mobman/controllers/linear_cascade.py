@@ -23,7 +23,7 @@ class LinearGains(CascadeGains):
 
 
 class LinearCascade(TerminalSlidingMode):
-    r"""As ``tsm``, its terminal powers replaced by 1 in (31) and (51):
+    r"""Law ``tsm`` with its terminal powers replaced by 1 in (31) and (51):
 
     .. math:: g = \lambda_2(\ddot e + \lambda_1(\dot e + \lambda_0 e)), \quad
         G = \Lambda_0 E + \Lambda_1 \dot E.

@@ -214,7 +214,7 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
         return [blocks.reshape(len(limit), U.size)], [-limit - v], [limit - v]
 
     def _predicted(self) -> list[Node]:
-        """Where U takes the robot, by the midpoint rule, and the derivatives by U."""
+        """State to which U takes the robot, by the midpoint rule, and its derivatives by U."""
         now, at, root, U = self._now.now, self._middle, self._root, self._U
         own, place = self._robot.platform.equations, self._robot.platform_index
         rate, unit, alphas = np.zeros_like(at.N), np.eye(len(place)), self._robot.n_alpha

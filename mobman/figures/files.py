@@ -145,7 +145,7 @@ def drawn(spec: Spec, kind: str, look: Mapping[str, Any] = CONFIGS["light"]) -> 
 
 @dataclass(frozen=True)
 class Print:
-    """How the figures of a paper are set."""
+    """Column, font and size of a paper's figures."""
 
     column: str = "single"
     """``"single"`` or ``"double"``: 3.5 or 7.16 inches wide, those of most journals' columns."""
@@ -162,7 +162,7 @@ class Print:
 
     @property
     def width(self) -> float:
-        """Of figures (pt)."""
+        """Width of figures (pt)."""
         return _COLUMNS[self.column]
 
 

@@ -108,7 +108,7 @@ class MuJoCo(Piece):
 
 
 class Recorded(NamedTuple):
-    """What a run records of the ground, by wheel: at a tick, of the step before."""
+    """Records of the ground, by wheel: at a tick, of the step before."""
 
     normal: Array
     """Normal force (N)."""
@@ -194,7 +194,7 @@ class ContactPlant(Plant):
     # Making the model ----------------------------------------------------------------------------
 
     def _place(self, q: Array) -> None:
-        """Where the platform starts, which patches and bumps are placed by."""
+        """Start of the platform, by which patches and bumps are placed."""
         robot = self.robot
         self._pose = [robot.joint_names.index(name) for name in robot.platform.base_joints]
         self._origin, self._heading = np.zeros(2), 0.0
@@ -227,7 +227,7 @@ class ContactPlant(Plant):
         )
 
     def _index(self) -> None:
-        """Where MuJoCo has the coordinates of q, and which rates tell alpha."""
+        """Indices of q's coordinates in MuJoCo's, and of the rates that tell alpha."""
         robot, platform = self.robot, self.robot.platform
         skipped = {*robot.platform.base_joints, *robot.platform.virtual_joints}
         own = [i for i, name in enumerate(robot.joint_names) if name not in skipped]
@@ -328,7 +328,7 @@ class ContactPlant(Plant):
         return True
 
     def _resistances(self) -> Callable[[], int] | None:
-        """What fills the torques of friction and stops at a state; None if there are neither."""
+        """Function that fills the torques of friction and stops at a state; None without any."""
         now = self.now
         if not self._friction and not self._stops:
             return None

@@ -169,7 +169,7 @@ class Wheels(Piece):
 
 
 class Encoders:
-    """What the encoders of wheels and joints tell of z to whoever supposes the nominal robot.
+    """Values of z that a law with the nominal robot takes from the encoders of wheels and joints.
 
     Args:
         robot: The nominal robot.

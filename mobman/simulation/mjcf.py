@@ -83,7 +83,7 @@ class Ground(NamedTuple):
 
 
 def feet_of(robot: MobileManipulator, scrub: bool = False) -> list[Foot]:
-    """What a robot stands on at ``q_rest``: its wheels, then what must be added.
+    """Feet of a robot at ``q_rest``: its wheels, then those that must be added.
 
     Wheels are spheres: they touch the ground in one point. Those of a skid-steered platform have
     friction along their rolling direction, where the effective track says, and so slip sideways without

@@ -156,7 +156,7 @@ _INVERSE = "lambda_min_M_inverse"
 
 
 def _along(run: Run, law: Any, rows: _Rows, g: Array) -> dict[str, Array]:
-    """What the matrices along the motion give; NaN at ticks where one does not exist."""
+    """Quantities of the matrices along the motion; NaN at ticks where one does not exist."""
     space, root = law.task_space(run.robot, run.task), np.sqrt(law.metric(run.robot))
     free = Jacobians(run.robot, run.task, run.criterion)
     plant, n, nz = run.plant, len(run.t), run.robot.nz

@@ -141,7 +141,7 @@ class Plant:
         return [self.dynamics, bind(accelerate, self.forces, z_dot, np.zeros(1))]
 
     def signals(self) -> dict[str, Array]:
-        """What a run records of the plant at every tick, by name; overwritten in place."""
+        """Signals of the plant that a run records at every tick, by name; overwritten in place."""
         return {}
 
     def own_state(self, q: Array, h: float) -> Any:

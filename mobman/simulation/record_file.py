@@ -318,7 +318,7 @@ def _dataset(
 
 
 def _text(text: str) -> str:
-    """As HDF5 takes it: valid UTF-8 without NUL, whatever a message or a name has in it."""
+    """Text that HDF5 takes: valid UTF-8 without NUL, whatever a message or a name has in it."""
     return text.replace("\0", "\\0").encode("utf-8", errors="backslashreplace").decode("utf-8")
 
 

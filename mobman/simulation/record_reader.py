@@ -218,7 +218,7 @@ class _Reader:
         return names
 
     def _metrics(self) -> dict[str, float]:
-        """By HDF5's own functions, since indices of suites read many files."""
+        """Metrics, read by HDF5's own functions, since indices of suites read many files."""
         group = self._open("metrics")
         if not isinstance(group, h5py.h5g.GroupID):
             raise TypeError("metrics is not a group")

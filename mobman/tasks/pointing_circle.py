@@ -38,7 +38,7 @@ _AXES: dict[str, Triple] = {
 
 @dataclass(frozen=True)
 class PointingCircle(PoseCircle):
-    """As :class:`PoseCircle`, with R_d ``tip_axis`` as the desired direction of that axis.
+    """A :class:`PoseCircle` with R_d ``tip_axis`` as the desired direction of that axis.
 
     Args:
         tip_axis: In the tip frame, of length 1.

@@ -1,4 +1,4 @@
-"""Who is ahead, as far as the cells settle it; and which cells are drawn."""
+"""Ranks of the controllers, as far as the cells settle them; and the cells that are drawn."""
 
 from __future__ import annotations
 
@@ -120,8 +120,8 @@ class Board:
     pairs: list[Pair]
     """Every two compared controllers, the better placed as a."""
     unit: str = "cell"
-    """What is resampled: ``"robot"``, with all of its cells, or ``"cell"``; robots on the same platform
-    count as one."""
+    """Unit that is resampled: ``"robot"``, with all of its cells, or ``"cell"``; robots on the same
+    platform count as one."""
     units: int = 0
     """Their number."""
 
@@ -179,7 +179,7 @@ def board_of(results: Results) -> Board:
 
 
 def unit_of(results: Results, cells: pd.Index) -> str:
-    """What is resampled: ``"robot"`` where there are enough on platforms of their own, else
+    """Unit that is resampled: ``"robot"`` where there are enough on platforms of their own, else
     ``"cell"``."""
     return "robot" if results.cells.base.loc[cells].nunique() >= FEW_BASES else "cell"
 
@@ -194,7 +194,7 @@ def clusters(results: Results, cells: pd.Index) -> list[str]:
 
 
 def _twins(results: Results, labels: Sequence[str], cells: pd.Index) -> dict[str, list[str]]:
-    """By a label of tsm those of its twin, whose errors are the same in all cells, to 10 % or to
+    """Labels of the twin by a label of tsm: its errors are the same in all cells, to 10 % or to
     rounding; tuned ones stay by themselves."""
     laws = results.runs.drop_duplicates("label").set_index("label").law
     errors = results.errors.loc[cells].clip(lower=ROUNDING)
