@@ -376,6 +376,16 @@ def test_any_record_can_be_drawn(tmp_path):
     assert files.html.read_text(encoding="utf-8").count('class="chart"') >= 9
 
 
+def test_margins_of_monitored_runs_are_drawn(tmp_path):
+    margins = {f"monitors/margin_{stage}": np.full(101, 3.0) for stage in ("kinematic", "dynamic")}
+    found = [run("watched", record(signals=margins)), run("not watched", record())]
+    page = write_report(tmp_path, results(found)).html.read_text(encoding="utf-8")
+    for stage in ("kinematic", "dynamic"):
+        assert page.count(f"Gain of the {stage} stage over what the theorems ask for") == 1
+    plain = write_report(tmp_path, results([run("not watched", record())])).html
+    assert "what the theorems ask for" not in plain.read_text(encoding="utf-8")
+
+
 def test_a_report_needs_no_matplotlib():
     code = (
         "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; import test_report; "

@@ -36,6 +36,7 @@ from mobman.figures.charts import (
 from mobman.figures.looks import Look, looks_of
 from mobman.printable import printable
 from mobman.simulation.metrics import STEADY
+from mobman.simulation.monitors import STAGES
 
 Looks = Mapping[str, Look]
 SUCCESS = 1e-4
@@ -450,8 +451,17 @@ _CURVES: dict[str, tuple[str, str, Callable[[Any], Array]]] = {
         "Euclidean norm of the torques v.",
         lambda record: record.torque,
     ),
+    **{
+        f"margin of the {stage} stage": (
+            "gain over what is needed",
+            f"Gain of the {stage} stage over what the theorems ask for along the run. Dotted: 1.",
+            lambda record, name=f"monitors/margin_{stage}": record.signals[name][:, None],
+        )
+        for stage in STAGES
+    },
 }
 """Norms that are drawn against time: title of the axis, caption, and values in columns."""
+_MARKS = {"task error": SUCCESS, "orientation error": SUCCESS}
 
 
 def cell_figures(
@@ -477,14 +487,21 @@ def cell_figures(
     wanted = ["task error", "auxiliary error"]
     if any(record.tip_orientation is not None for _, record in records.values()):
         wanted.append("orientation error")
+    if motor_columns:
+        wanted += [f"margin of the {stage} stage" for stage in STAGES]
     figures = []
     for what in wanted if motor_columns else [*wanted, "torque"]:
         axis, caption, values = _CURVES[what]
         curves, good = [], []
         for label, (run, record) in records.items():
-            curve = _norm(label, record.t, values(record), columns, run)
+            try:
+                curve = _norm(label, record.t, values(record), columns, run)
+            except KeyError:  # the run was not monitored
+                continue
             curves.append(curve)
             good += [curve.values] if run.ok else []
+        if not curves:
+            continue
         spec = time_chart(
             curves,
             looks,
@@ -494,7 +511,7 @@ def cell_figures(
             # a run that diverges must not take the scale away from those that do not
             limits=decades(np.concatenate(good or [c.values for c in curves])),
             steady=STEADY * duration,
-            mark=SUCCESS if what in ("task error", "orientation error") else None,
+            mark=_MARKS.get(what, 1.0 if what.startswith("margin") else None),
             height=240.0 if motor_columns else 170.0,
         )
         figures.append(Figure(f"{name} {what}", [spec], caption))
