@@ -16,7 +16,7 @@ PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # The results of the suite, which may be a name or a file.
 OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 
-.PHONY: bench test test-slow nightly speed lint format claims table pictures browser clean help
+.PHONY: bench test test-slow nightly speed lint format claims table pictures docs browser clean help
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -59,6 +59,9 @@ table: $(VENV)/installed-test ## every law in what robots meet: run the suite ta
 pictures: bench $(VENV)/installed-film ## draw the pictures of README and docs; this needs a browser
 	$(BIN)/python docs/pictures.py $(OPTIONS) $(OUT) $(IMAGES)
 
+docs: $(VENV)/installed-docs ## build the documentation site into build/site; a warning or a broken link is an error
+	$(BIN)/python docs/site/build.py build/site
+
 browser: $(VENV)/installed-film ## install a browser if there is none: for pictures, films and the viewer's tests
 	$(BIN)/python .ci/browser.py $(OPTIONS)
 
@@ -77,8 +80,8 @@ $(VENV)/installed: $(VENV)/python pyproject.toml
 	touch $@
 
 $(VENV)/installed-test: $(VENV)/python pyproject.toml
-	$(INSTALL) '.[test,speed,view,film]'
-	touch $@ $(VENV)/installed $(VENV)/installed-speed $(VENV)/installed-film
+	$(INSTALL) '.[test,speed,view,film,docs]'
+	touch $@ $(VENV)/installed $(VENV)/installed-speed $(VENV)/installed-film $(VENV)/installed-docs
 
 $(VENV)/installed-speed: $(VENV)/python pyproject.toml
 	$(INSTALL) '.[speed]'
@@ -87,3 +90,7 @@ $(VENV)/installed-speed: $(VENV)/python pyproject.toml
 $(VENV)/installed-film: $(VENV)/python pyproject.toml
 	$(INSTALL) '.[view,film]'
 	touch $@
+
+$(VENV)/installed-docs: $(VENV)/python pyproject.toml
+	$(INSTALL) '.[docs]'
+	touch $@ $(VENV)/installed

@@ -80,8 +80,9 @@ class Checkout:
         )  # all of mobman takes a minute
         self._program("pip", "exit 9")
         os.utime(folder / "pyproject.toml", (1.0, 1.0))  # older than the stamps
-        for stamp in ("python", "installed", "installed-test", "installed-speed", "installed-film"):
-            (folder / ".venv" / stamp).touch()
+        for extra in ("", "-test", "-speed", "-film", "-docs"):
+            (folder / ".venv" / f"installed{extra}").touch()
+        (folder / ".venv" / "python").touch()
 
     def _program(self, name: str, command: str) -> None:
         file = self.folder / ".venv" / "bin" / name
@@ -199,6 +200,12 @@ def test_speed_makes_every_measurement(checkout):
     assert (folder / "speed.svg").is_file()
 
 
+def test_docs_builds_the_site(checkout):
+    """tests/docs/test_site.py builds it."""
+    said = checkout.make("docs", "--dry-run")
+    assert said.strip().splitlines()[-1].endswith("python docs/site/build.py build/site")
+
+
 def test_test_runs_lint_and_then_the_tests(checkout):
     said = checkout.make("test")
     assert said.index("ruff check .") < said.index("mypy") < said.index("pytest -n auto")
@@ -269,4 +276,4 @@ def test_ci_requires_the_browser_that_it_installs(checkout, tmp_path):
         stdin=subprocess.DEVNULL,
         check=True,
     )
-    assert log.read_text(encoding="utf-8").split("\n")[:-1] == ["browser 0", "test 1"]
+    assert log.read_text(encoding="utf-8").split("\n")[:-1] == ["browser 0", "test 1", "docs 1"]
