@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import altair as alt
@@ -430,6 +431,11 @@ def papers_cell(results: Results) -> int | None:
     return next((int(cell) for cell in papers if cell in done), None)
 
 
+def _margin(stage: str, record: Any) -> Array:
+    margin: Array = record.signals[f"monitors/margin_{stage}"]
+    return margin[:, None]
+
+
 _CURVES: dict[str, tuple[str, str, Callable[[Any], Array]]] = {
     "task error": (
         _ERROR[7:],
@@ -455,7 +461,7 @@ _CURVES: dict[str, tuple[str, str, Callable[[Any], Array]]] = {
         f"margin of the {stage} stage": (
             "gain over what is needed",
             f"Gain of the {stage} stage over what the theorems ask for along the run. Dotted: 1.",
-            lambda record, name=f"monitors/margin_{stage}": record.signals[name][:, None],
+            partial(_margin, stage),
         )
         for stage in STAGES
     },
