@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import tempfile
 from contextlib import ExitStack
+from functools import cache
 
 import pytest
 
 # robots that the user of this machine has added are none of the tests' business
 os.environ["XDG_DATA_HOME"] = tempfile.mkdtemp(prefix="mobman-tests-")
 
+from support.swept import ONE_OF_EACH, PLATFORM, swept
+
 import mobman as mm
-from mobman.robots.catalogue import find_spec, origin_of
 from mobman.viewer.pictures import BrowserError, BrowserMissingError
 from mobman.viewer.pictures import browser as running_browser
-
-OWN = [name for name in mm.list_robots() if origin_of(name) == "mobman"]
-PLATFORM = {name: find_spec(name).platform.type for name in OWN}
-
 
 # Folders and files whose tests wait for browsers and other processes. They start first: a file of
 # theirs that starts last would keep one worker busy long after the others have ended.
@@ -34,13 +33,20 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: not any(part in SLOW for part in item.path.parts))
 
 
+def pytest_configure(config):
+    """Let long runs not compile their kernels together, which takes some ten seconds for each
+    combination of law, robot, task and scenario and changes no bit
+    (tests/compiled/test_joined_kernels.py); those of ``make test-slow`` do, as a user's."""
+    if "slow" not in config.option.markexpr.replace("not slow", ""):
+        importlib.import_module("mobman.simulation.simulate")._MANY_TICKS = 10**6
+
+
 def pytest_sessionstart(session):
     """Compile what most tests need once, before several processes would at the same time; no test then
     meets the line which says that it takes a while."""
     if not hasattr(session.config, "workerinput"):
-        for platform in dict.fromkeys(PLATFORM.values()):
-            robot = next(name for name in OWN if PLATFORM[name] == platform)
-            for law in mm.list_controllers() if platform == "differential" else ["tsm"]:
+        for robot in ONE_OF_EACH:
+            for law in mm.list_controllers() if robot == "youbot" else ["tsm"]:
                 mm.simulate(robot, law, "circle", duration=1e-3, scenario="realistic")
 
 
@@ -98,35 +104,46 @@ def interruptible():
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.fixture(scope="session", params=PLATFORM)
+@cache
+def loaded(name):
+    """A robot of mobman's, loaded once for all files of tests."""
+    return mm.load_robot(name)
+
+
+def of_type(*platforms):
+    """The robots on these platforms; those that are swept only in ``make test-slow`` are marked."""
+    return swept(name for name, platform in PLATFORM.items() if platform in platforms)
+
+
+@pytest.fixture(scope="session", params=swept())
 def robot(request):
-    """Every registered robot in turn."""
-    return mm.load_robot(request.param)
+    """Every robot that comes with mobman in turn."""
+    return loaded(request.param)
 
 
-@pytest.fixture(scope="session", params=[n for n, kind in PLATFORM.items() if kind != "fixed"])
+@pytest.fixture(scope="session", params=of_type(*{*PLATFORM.values()} - {"fixed"}))
 def driving_robot(request):
-    """Every registered robot whose platform moves."""
-    return mm.load_robot(request.param)
+    """Every one of them whose platform moves."""
+    return loaded(request.param)
 
 
-@pytest.fixture(scope="session", params=[n for n, k in PLATFORM.items() if k == "differential"])
+@pytest.fixture(scope="session", params=of_type("differential"))
 def differential_robot(request):
-    """Every registered robot on a differential platform."""
-    return mm.load_robot(request.param)
+    """Every one of them on a differential platform."""
+    return loaded(request.param)
 
 
-@pytest.fixture(scope="session", params=[n for n, kind in PLATFORM.items() if kind == "fixed"])
+@pytest.fixture(scope="session", params=of_type("fixed"))
 def fixed_robot(request):
-    """Every registered robot that does not drive."""
-    return mm.load_robot(request.param)
+    """Every one of them that does not drive."""
+    return loaded(request.param)
 
 
 @pytest.fixture(scope="session")
 def youbot():
-    return mm.load_robot("youbot")
+    return loaded("youbot")
 
 
 @pytest.fixture(scope="session")
 def tiago():
-    return mm.load_robot("tiago_no_hand")
+    return loaded("tiago_no_hand")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.errors import largest_after
+from support.swept import swept
 
 import mobman as mm
 
@@ -37,7 +38,7 @@ def test_gains_are_the_youbots_and_the_bounds_its_own(record):
     assert 0.0 < record.settings["a"] <= record.metrics["lambda_min"]
 
 
-@pytest.mark.parametrize("name", mm.list_robots())
+@pytest.mark.parametrize("name", swept())
 def test_every_robot_follows_the_circle(name):
     """At 10 ms, for 6 s; the tip starts 0.1 m from the circle, or less in front of a fixed arm."""
     record = mm.simulate(name, "tsm", "circle", duration=6.0, dt=1e-2)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.golden_access import smallest_argument
 from support.goldens import a_last_place_away, differences, plain, read, relative_difference, write
+from support.swept import swept
 
 import mobman as mm
 
@@ -103,7 +104,7 @@ def deviations(found: dict, stored: dict):
     yield from differences(found, stored, TOLERANCE, by_row=True)
 
 
-@pytest.mark.parametrize("name", read(FILE))
+@pytest.mark.parametrize("name", swept(read(FILE)))
 def test_ticks_of_every_law_are_those_stored(name):
     robot, stored = mm.load_robot(name), read(FILE)[name]
     problems = [

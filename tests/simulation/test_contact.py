@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from support.command_line import mobman
 from support.runs import Torque
+from support.swept import swept
 
 import mobman as mm
 from mobman.errors import SpecError, UsageError
@@ -89,7 +90,7 @@ def _put(robot, state, q, q_dot):
     return rows, dofs
 
 
-@pytest.mark.parametrize("name", mm.list_robots())
+@pytest.mark.parametrize("name", swept())
 def test_inertia_and_bias_are_those_of_the_robot(name):
     robot = mm.load_robot(name)
     _, state = _standing(robot)
