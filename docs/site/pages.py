@@ -40,6 +40,9 @@ CONTENTS = {
         "uncertain": "Uncertain J and B",
         "statistics": "Statistics of the report",
     },
+    "How results are kept honest": {
+        "honesty": "Measures, and their limits",
+    },
     "In depth": {
         "platforms": "Platforms",
         "ground": "Wheels on the ground",
