@@ -1,12 +1,15 @@
 """Renew the numbers of README and docs that runs produced, and tell which drifted: ``make claims``.
 
-``claims.toml`` has them. Where a number drifted, page and table get the new one, and the exit status is
-1, so that the words around it are read again.
+``claims.toml`` has single ones. The rows of tables between ``<!-- by: SCRIPT ARGUMENTS -->`` and
+``<!-- end -->`` are what that script prints. Where a number drifted, its page gets the new one, and the
+exit status is 1, so that the words around it are read again.
 """
 
 from __future__ import annotations
 
 import re
+import shlex
+import subprocess
 import sys
 from dataclasses import dataclass
 from functools import cache
@@ -141,11 +144,60 @@ def found_by(claim: Claim) -> float:
     return float(eval(claim.command, globals()))  # the project's own table
 
 
+# Tables ----------------------------------------------------------------------------------------------
+
+ROWS = r"(?: *\|.*\n)"
+BLOCK = re.compile(
+    rf"(?P<indent> *)<!-- by: (?P<command>[^>]+?) -->\n{ROWS}{{2}}(?P<rows>{ROWS}+) *<!-- end -->"
+)
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+DRIFT, ROUNDING = 3.0, 1e-10  # a factor, and a number below which there is no telling
+
+
+def blocks() -> list[tuple[Path, str]]:
+    """The tables that scripts print: page and command."""
+    pages = [DOCS.parent / "README.md", *sorted(DOCS.glob("*.md"))]
+    found = ((page, BLOCK.finditer(page.read_text(encoding="utf-8"))) for page in pages)
+    return [(page, block["command"]) for page, those in found for block in those]
+
+
+def alike(one: str, other: str) -> bool:
+    """True for rows with the same words, whose numbers have not drifted."""
+    if NUMBER.sub("#", one) != NUMBER.sub("#", other):
+        return False
+    pairs = zip(NUMBER.findall(one), NUMBER.findall(other), strict=True)
+    values = [(max(float(a), ROUNDING), max(float(b), ROUNDING)) for a, b in pairs]
+    return all(a <= DRIFT * b and b <= DRIFT * a for a, b in values)
+
+
+def renew_block(page: Path, command: str) -> list[str]:
+    """Run the script of a table; the rows that drifted, which are then in the page."""
+    text = page.read_text(encoding="utf-8")
+    found = next(found for found in BLOCK.finditer(text) if found["command"] == command)
+    done = subprocess.run(
+        [sys.executable, *shlex.split(command)],
+        cwd=DOCS.parent,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    # a row begins with a name or a number; the page has its own headings, and 1e-8 for 1e-08
+    printed = [re.sub(r"e([-+])0(?=\d)", r"e\1", line) for line in done.stdout.splitlines()]
+    printed = [line for line in printed if re.match(r"\| [`\d]", line)]
+    rows = [line.strip() for line in found["rows"].splitlines()]
+    if len(rows) == len(printed) and all(map(alike, rows, printed)):
+        return []
+    begin, end = found.span("rows")
+    body = "".join(f"{found['indent']}{line}\n" for line in printed)
+    page.write_text(text[:begin] + body + text[end:], encoding="utf-8")
+    return [row for row in printed if not any(alike(row, old) for old in rows)] or printed
+
+
 # Renewing --------------------------------------------------------------------------------------------
 
 
 def main(words: list[str]) -> int:
-    """Renew the claims, or those of which page or claim has one of some words; the exit status."""
+    """Renew claims and tables, or those whose page, claim or command has a word; the exit status."""
     drifted = 0
     for claim in claims():
         if words and not any(word in f"{claim.page} {claim.claim}" for word in words):
@@ -162,6 +214,13 @@ def main(words: list[str]) -> int:
         print(f"{claim.page}: {claim.claim}: {claim.value} DRIFTED, found {found:.4g}")
         if np.isfinite(found) and found > 0.0:
             renew(claim, claim.renewed(found))
+    for page, command in blocks():
+        name = f"{page.relative_to(DOCS.parent)}: {command}"
+        if words and not any(word in name for word in words):
+            continue
+        rows = renew_block(page, command)
+        drifted += len(rows)
+        print("\n".join([f"{name}: {len(rows)} rows DRIFTED" if rows else f"{name}: holds", *rows]))
     print(f"{drifted} drifted" if drifted else "all hold")
     return 1 if drifted else 0
 

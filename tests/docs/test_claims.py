@@ -61,6 +61,38 @@ def test_a_number_that_drifted_is_renewed_where_it_stands(tmp_path, value, found
     assert not claim.stands()
 
 
+def test_each_table_names_a_script_that_is_there():
+    commands = [command for _, command in table.blocks()]
+    assert len(set(commands)) == len(commands) >= 6
+    for command in commands:
+        assert (ROOT / command.split()[0]).is_file(), command
+    marked = sum(
+        page.read_text("utf-8").count("<!-- by: ") for page in {p for p, _ in table.blocks()}
+    )
+    assert marked == len(commands)  # none is written so that it is not found
+
+
+def test_a_table_that_drifted_is_renewed(tmp_path):
+    script, page = tmp_path / "print.py", tmp_path / "page.md"
+    script.write_text(
+        "print('| law |')\nprint('| `a` | 2.0e-7 | ends |')\nprint('| `b` | 3.0 | – |')"
+    )
+    command = f"{script} all"
+    head = f"Before.\n<!-- by: {command} -->\n| law | error | |\n|---|---|---|\n"
+    page.write_text(f"{head}| `a` | 1.1e-7 | ends |\n| `b` | 3.1 | – |\n<!-- end -->\nAfter.")
+    held = page.read_text()
+    assert table.renew_block(page, command) == []
+    assert page.read_text() == held
+    page.write_text(held.replace("3.1", "12.0"))
+    assert table.renew_block(page, command) == ["| `b` | 3.0 | – |"]
+    assert (
+        page.read_text()
+        == f"{head}| `a` | 2.0e-7 | ends |\n| `b` | 3.0 | – |\n<!-- end -->\nAfter."
+    )
+    page.write_text(held.replace("ends", "holds"))
+    assert table.renew_block(page, command) == ["| `a` | 2.0e-7 | ends |"]
+
+
 def test_a_claim_that_cannot_be_checked_is_refused():
     for wrong in ({"text": "none"}, {"tolerance": 1.0}, {"value": "0"}):
         with pytest.raises(ValueError, match="a tolerance above 1"):

@@ -115,6 +115,13 @@ def test_several_runs_have_a_curve_each_in_their_colours(runs, opened, tmp_path)
             curves = page.locator("#plots svg").nth(plot).locator(".curve")
             assert [curve.get_attribute("stroke") for curve in curves.all()] == colours
         assert _points(page, 0, 1)[-1, 0] < 0.4 * _points(page, 0, 0)[-1, 0], "it ended before"
+        page.set_viewport_size({"width": 400, "height": 700})
+        page.wait_for_function("document.body.classList.contains('folded')")
+        page.click("#fold")
+        for plot in page.locator("#plots svg").all():  # a name that has no room is left out
+            title, value = plot.locator("text:not(.value)").last, plot.locator("text.value")
+            box = title.bounding_box()
+            assert box["x"] + box["width"] < value.bounding_box()["x"]
 
 
 def test_margins_of_a_monitored_run_have_a_plot(opened, tmp_path):

@@ -79,8 +79,9 @@ class Plot {
     ));
     this.cursor = svg("line", { class: "cursor", y1: EDGE.top, y2: bottom });
     this.value = svg("text", { class: "value", x: right, y: 12, "text-anchor": "end" });
-    nodes.push(svg("text", { x: EDGE.left, y: 12 }, this.title), this.cursor, this.value);
-    this.root.replaceChildren(...nodes);
+    const title = svg("text", { x: EDGE.left, y: 12 }, this.title);
+    this.root.replaceChildren(...nodes, title, this.cursor, this.value);
+    this.room = right - EDGE.left - title.getComputedTextLength() - 8;
     this.setTime();
   }
 
@@ -103,7 +104,9 @@ class Plot {
       return this.pointer === null ? (this.least ? 1 : -1) * Math.abs(value) : Math.abs(this.y(value) - this.pointer);
     };
     const nearest = now.reduce((best, one) => (off(one) < off(best) ? one : best), now[0]);
-    this.value.textContent = `${nearest.label} ${Number(nearest.value.toPrecision(3))}`;
+    const number = Number(nearest.value.toPrecision(3));
+    this.value.textContent = `${nearest.label} ${number}`;
+    if (this.value.getComputedTextLength() > this.room) this.value.textContent = number; // the name is above
   }
 }
 
