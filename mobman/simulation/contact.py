@@ -386,24 +386,26 @@ class ContactPlant(Plant):
 
     def _edit(self) -> None:
         """Turn the contacts of rollers to these, and change the friction on patches."""
-        for contact in self._data.contact:
-            i = self._number.get(int(contact.geom2))
+        contacts = self._data.contact
+        # of all contacts at once: each one's own object takes MuJoCo longer than its step
+        frames, friction, places = contacts.frame, contacts.friction, contacts.pos
+        for row, geom in enumerate(contacts.geom2.tolist()):
+            i = self._number.get(geom)
             if i is None:
                 continue
-            foot = self._wheels[i]
-            if foot.directed:
-                normal = contact.frame[:3]
+            if self._wheels[i].directed:
+                normal = frames[row, :3]
                 along = self._direction(i)
                 along -= (along @ normal) * normal
-                along /= np.linalg.norm(along)
-                contact.frame[3:6] = along
-                contact.frame[6:9] = np.cross(normal, along)
-            for centre, square, friction in self._patches:
-                away = contact.pos[:2] - centre
+                along /= math.sqrt(along @ along)
+                frames[row, 3:6] = along
+                (a, b, c), (x, y, z) = normal.tolist(), along.tolist()
+                frames[row, 6:9] = b * z - c * y, c * x - a * z, a * y - b * x
+            for centre, square, grip in self._patches:
+                away = places[row, :2] - centre
                 if away @ away < square:
-                    across = contact.friction[1] / contact.friction[0]
-                    contact.friction[0] = friction
-                    contact.friction[1] = max(across * friction, 1e-5)
+                    across = friction[row, 1] / friction[row, 0]
+                    friction[row, :2] = grip, max(across * grip, 1e-5)
                     break
 
     def _direction(self, i: int) -> Array:
@@ -507,9 +509,9 @@ class ContactPlant(Plant):
         recorded.normal[:] = recorded.friction[:] = recorded.slip[:] = 0.0
         recorded.lift[:] = np.inf
         force, twist = np.zeros(6), np.zeros(6)
-        for k in range(data.ncon):
-            contact = data.contact[k]
-            i = self._number.get(int(contact.geom2))
+        frames, places = data.contact.frame, data.contact.pos
+        for k, geom in enumerate(data.contact.geom2.tolist()):
+            i = self._number.get(geom)
             if i is None:
                 continue
             recorded.lift[i] = 0.0
@@ -517,9 +519,9 @@ class ContactPlant(Plant):
             recorded.normal[i] += force[0]
             recorded.friction[i] += math.hypot(force[1], force[2])
             mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, self._geoms[i], twist, 0)
-            arm = contact.pos - data.geom_xpos[self._geoms[i]]
+            arm = places[k] - data.geom_xpos[self._geoms[i]]
             speed = twist[3:] + np.cross(twist[:3], arm)
-            frame = contact.frame.reshape(3, 3)
+            frame = frames[k].reshape(3, 3)
             across = 0.0 if self._wheels[i].directed else frame[2] @ speed
             recorded.slip[i] = max(recorded.slip[i], math.hypot(frame[1] @ speed, across))
         for i, foot in enumerate(self._wheels):

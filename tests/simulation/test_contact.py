@@ -340,12 +340,14 @@ def test_a_plant_of_its_usual_kind_leaves_no_trace():
     assert mm.Scenario(**mm.load_scenario("contact").model_dump()).plant.type == "mujoco"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", mm.list_robots())
 def test_every_robot_stands_and_drives_for_two_seconds(name):
-    record = mm.simulate(name, "tsm-null-space", "circle", duration=2.0, scenario="contact")
+    record = mm.simulate(
+        name, "tsm-null-space", "circle", duration=2.0, dt=2e-3, scenario="contact"
+    )
     assert record.ok, record.message
-    assert np.linalg.norm(record.task_error[-1]) < 5e-3
+    away = np.linalg.norm(record.task_error, axis=1)
+    assert away[-1] < 0.1 * away[0]  # it has driven to its path, and follows it
 
 
 def test_a_run_tells_its_slip_in_a_line():
