@@ -101,12 +101,14 @@ def describe_run(
 
 
 @contextlib.contextmanager
-def refused(problem: str) -> Iterator[None]:
-    """Errors within the block as a :class:`RecordError` that says what cannot be done."""
+def refused(problem: str, remedy: str = "") -> Iterator[None]:
+    """Errors within the block as a :class:`RecordError` that says what cannot be done, and, where
+    a name is not registered, what else can."""
     try:
         yield
     except (NotPlainError, MobmanError, TypeError) as error:
-        raise RecordError(f"{problem}: {error}") from error
+        more = remedy if isinstance(error, UnknownNameError) else ""
+        raise RecordError(f"{problem}: {error}{more}") from error
 
 
 # Robots ------------------------------------------------------------------------------------------

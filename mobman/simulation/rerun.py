@@ -216,6 +216,9 @@ def _ending(record: Record, run: RunSpec, progress: Progress | None) -> Progress
     return go_on
 
 
+_GIVEN = "; one that is not registered is given by its code: --{} FILE.py:NAME, or Own({}=...)"
+
+
 def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | None) -> Record:
     has: tuple[str, ...] = ()
     if own.controller is not None:
@@ -225,13 +228,13 @@ def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | No
     if reasons := [reason for reason in run.not_repeatable if not reason.startswith(has)]:
         raise RecordError("; ".join(reasons))
     scenario = parts.scenario_of(run.scenario)
-    with parts.refused("its controller cannot be made"):
+    with parts.refused("its controller cannot be made", _GIVEN.format("controller", "controller")):
         given = own.controller
         controller = make_controller(run.law, **run.gains) if given is None else given
     robot = parts.robot_of(run.description, urdf) if own.robot is None else own.robot
     parts.require_same(robot, run, "robot")
     q0 = robot.checked_configuration(np.array(run.q0))
-    with parts.refused("its task cannot be made"):
+    with parts.refused("its task cannot be made", _GIVEN.format("task", "make_task")):
         task = own.make_task(robot, q0) if own.make_task else parts.task_of(run, robot, q0)
     plant = parts.plant_of(run, urdf, robot)
     setting = Setting(robot, run.dt, np.random.default_rng(run.seed))

@@ -268,7 +268,9 @@ def test_own_law_with_gains(registered, tmp_path):
 def test_law_that_is_not_registered_here(registered, tmp_path):
     path = _saved(tmp_path, "youbot", "damping", "circle")
     del controllers._items["damping"]
-    assert "its controller cannot be made: unknown controller 'damping'" in _refused(path)
+    refusal = _refused(path)
+    assert "its controller cannot be made: unknown controller 'damping'" in refusal
+    assert "--controller FILE.py:NAME" in refusal
 
 
 def test_object_of_a_class_that_is_not_registered(tmp_path):
