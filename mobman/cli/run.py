@@ -297,6 +297,13 @@ def tell(
         if not math.isnan(angle):
             errors += f" and the orientation is {number(angle)} rad off"
         out.print(f"no success: it went to its end, but {errors} there", soft_wrap=True)
+        cut = record.metrics.get("saturation_share", 0.0)
+        if cut > 0.0 and record.settings.get("saturation") == "none":
+            out.print(
+                f"torques were cut in {100 * cut:.0f} % of the ticks, which {record.controller} does "
+                "not know of: --gain saturation=hedge",
+                soft_wrap=True,
+            )
     if path is not None:
         out.print(f"record: {path}", soft_wrap=True)
         out.print(f"next: mobman view {shlex.quote(str(path))}", soft_wrap=True)

@@ -64,6 +64,14 @@ def test_run_writes_the_record_and_says_so(tmp_path):
     ]
 
 
+def test_a_law_that_does_not_know_that_its_torques_were_cut_says_what_does():
+    words = ("run", "tiago_no_hand", "--scenario", "real-limits", "--duration", "0.6")
+    done = mobman(*words)
+    assert "torques were cut in" in done.stdout
+    assert done.stdout.rstrip().endswith("--gain saturation=hedge")
+    assert "torques were cut" not in mobman(*words, "--gain", "saturation=hedge").stdout
+
+
 def test_run_as_json_with_gains():
     done = mobman(
         "run", "youbot", "--duration", "0.05", "--gain", "a=0.2", "--gain",
