@@ -18,6 +18,7 @@ from click.shell_completion import shell_complete
 
 from mobman.cli import names
 from mobman.cli.bench import bench
+from mobman.cli.export import export
 from mobman.cli.output import echo, level
 from mobman.cli.robots import robots
 from mobman.cli.run import rerun, run
@@ -42,6 +43,7 @@ mobman.add_command(robots)
 mobman.add_command(run)
 mobman.add_command(rerun)
 mobman.add_command(bench)
+mobman.add_command(export)
 mobman.add_command(view)
 for _command in names.COMMANDS:
     mobman.add_command(_command)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from time import perf_counter
 from typing import Any
 
@@ -162,9 +162,9 @@ class Loop:
         q0: Array,
         ticks: int,
         dt: float,
-        progress: Callable[[float], None] | None,
-        observe: Observer | None,
-        stride: int,
+        progress: Callable[[float], None] | None = None,
+        observe: Observer | None = None,
+        stride: int = 1,
         monitor: bool = False,
         tip_measured: bool = False,
     ) -> None:
@@ -204,13 +204,21 @@ class Loop:
             UsageError: If the controller's torque or signals are not what they must be.
             MobmanError: If the controller, or other code of the user, calls ``sys.exit``.
         """
+        # what overflows is found by its result
+        with np.errstate(all="ignore"):
+            for _ in self.ticks_ahead():
+                pass
+        if self._progress is not None:
+            self._progress(1.0)
+
+    def ticks_ahead(self) -> Iterator[tuple[Array, Array, Array]]:
+        """Do what :meth:`run` does tick by tick: yield the measured q, z and z' of each before the
+        controller is asked for its torque."""
         samples = self.samples
         _round_to_nearest()
         try:
-            # what overflows is found by its result
-            with np.errstate(all="ignore"):
-                self._begin()
-                self._go()
+            self._begin()
+            yield from self._go()
         except (SingularityError, np.linalg.LinAlgError) as error:
             samples.status = "singular"
             samples.message = f"at t = {self._tick[0] * self.dt:.6g} s: {error}"
@@ -222,9 +230,7 @@ class Loop:
             ) from error
         finally:
             _round_to_nearest()
-        samples.work = self._integrator.work
-        if self._progress is not None:
-            self._progress(1.0)
+            samples.work = self._integrator.work
 
     def _begin(self) -> None:
         """Keep the start, whatever happens next, so that no record is empty; start the controller."""
@@ -250,7 +256,7 @@ class Loop:
         )
         self._evaluate_auxiliary()
 
-    def _go(self) -> None:
+    def _go(self) -> Iterator[tuple[Array, Array, Array]]:
         """Tick by tick: look, control, integrate."""
         # local names, since these run at every tick
         samples, plant, now = self.samples, self.plant, self.plant.now
@@ -276,9 +282,10 @@ class Loop:
                 samples.diverged(t, Divergence(status).reason(z, error))
                 return
             self._evaluate_auxiliary()
-            q_now, z_now, measured = measure(q, z, z_dot)
+            q_now, z_now, measured = seen = measure(q, z, z_dot)
             if tip is not None:
                 tip.look(q_now, z_now, now, plant.q_dot)
+            yield seen
             started = perf_counter()
             torque = step(t, q_now, z_now, measured)
             compute_time[tick] = perf_counter() - started

@@ -199,7 +199,7 @@ def mjcf(robot: MobileManipulator, feet: Sequence[Foot], ground: Ground, step: f
         root,
         "option",
         timestep=repr(step),
-        gravity=_text(ground.gravity),
+        gravity=numbers(ground.gravity),
         integrator="Euler",
         cone="elliptic",
         solver="Newton",
@@ -227,11 +227,14 @@ def mjcf(robot: MobileManipulator, feet: Sequence[Foot], ground: Ground, step: f
             _mass(body)
     tip = model.frames[robot.tip_frame]
     ET.SubElement(
-        bodies[model.names[tip.parentJoint]], "site", name=TIP, pos=_text(tip.placement.translation)
+        bodies[model.names[tip.parentJoint]],
+        "site",
+        name=TIP,
+        pos=numbers(tip.placement.translation),
     )
     contact = ET.SubElement(root, "contact")
     for foot in feet:
-        size, centre = repr(float(foot.radius)), _text(foot.centre)
+        size, centre = repr(float(foot.radius)), numbers(foot.centre)
         _shape(bodies[foot.joint], foot.name, type="sphere", size=size, pos=centre)
         for obstacle in obstacles:
             _pair(contact, obstacle, foot, ground)
@@ -253,7 +256,7 @@ def _ridge(world: ET.Element, name: str, bump: Bump) -> None:
     radius = (bump.height**2 + 0.25 * bump.width**2) / (2.0 * bump.height)
     along = np.array([-math.sin(bump.direction), math.cos(bump.direction), 0.0])
     axis = np.array([*bump.centre, bump.height - radius])
-    ends = _text([*(axis - 50.0 * along), *(axis + 50.0 * along)])
+    ends = numbers([*(axis - 50.0 * along), *(axis + 50.0 * along)])
     _shape(world, name, type="capsule", fromto=ends, size=repr(radius))
 
 
@@ -268,9 +271,9 @@ def _pair(contact: ET.Element, obstacle: str, foot: Foot, ground: Ground) -> Non
         geom1=obstacle,
         geom2=foot.name,
         condim="3" if foot.friction else "1",
-        friction=_text([friction, across, 0.0, 0.0, 0.0]),
+        friction=numbers([friction, across, 0.0, 0.0, 0.0]),
         solref="-1 -1",
-        solimp=_text([ground.impedance, ground.impedance, 0.001, 0.5, 2.0]),
+        solimp=numbers([ground.impedance, ground.impedance, 0.001, 0.5, 2.0]),
     )
 
 
@@ -320,7 +323,7 @@ def make_model(robot: MobileManipulator, xml: str) -> tuple[Any, Any]:
         if name in robot.platform.virtual_joints or name in base[:-1]:
             continue
         body = model.body(BASE if name in base else name).id
-        moments, axes = _principal(inertia)
+        moments, axes = principal(inertia)
         model.body_mass[body], model.body_inertia[body] = inertia.mass, moments
         model.body_ipos[body], model.body_iquat[body] = inertia.lever, axes
     data = mj.MjData(model)
@@ -329,7 +332,7 @@ def make_model(robot: MobileManipulator, xml: str) -> tuple[Any, Any]:
 
 
 def _coupling(equality: ET.Element, joint: str, of: str, ratio: float, offset: float) -> None:
-    polynomial = _text([offset, ratio, 0.0, 0.0, 0.0])
+    polynomial = numbers([offset, ratio, 0.0, 0.0, 0.0])
     between = {"joint1": joint, "joint2": of, "polycoef": polynomial}
     ET.SubElement(equality, "joint", {**between, **_RIGID})
 
@@ -342,13 +345,13 @@ def jointed_body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element
         parent,
         "body",
         name=name,
-        pos=_text(placement.translation),
-        quat=_text(np.roll(quaternion, 1)),
+        pos=numbers(placement.translation),
+        quat=numbers(np.roll(quaternion, 1)),
     )
     motion = unit_twist(model, joint)
     kind, direction = ("slide", motion[:3]) if np.any(motion[:3]) else ("hinge", motion[3:])
     armature = repr(float(model.armature[model.joints[joint].idx_v]))
-    ET.SubElement(body, "joint", name=name, type=kind, axis=_text(direction), armature=armature)
+    ET.SubElement(body, "joint", name=name, type=kind, axis=numbers(direction), armature=armature)
     return body
 
 
@@ -357,7 +360,7 @@ def _mass(body: ET.Element) -> None:
     ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
 
 
-def _principal(inertia: pin.Inertia) -> tuple[Array, Array]:
+def principal(inertia: pin.Inertia) -> tuple[Array, Array]:
     """Principal moments (kg m^2), shape (3,), and the axes as a unit quaternion (w, x, y, z)."""
     moments, axes = np.linalg.eigh(inertia.inertia)
     if np.linalg.det(axes) < 0.0:
@@ -365,5 +368,5 @@ def _principal(inertia: pin.Inertia) -> tuple[Array, Array]:
     return moments, np.roll(pin.Quaternion(axes).normalized().coeffs(), 1)
 
 
-def _text(values: Iterable[float]) -> str:
+def numbers(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)

@@ -182,11 +182,12 @@ class Record(Displayed):
         Returns:
             Index ``t`` (s). Columns are named by the place in the file and the component:
             ``"q/base_x"``, ``"torque/alpha_1"``, ``"error/task/z"``, ``"sliding/s/0"``,
-            ``"compute_time"``, each in the units of that place.
+            ``"compute_time"``; ``attrs["places"]`` has the place and the unit of each.
         """
         import pandas as pd
 
         columns: dict[str, Any] = {}
+        places: dict[str, tuple[str, str]] = {}
         for group in self.to_xarray().subtree:
             for name, values in group.data_vars.items():
                 place = f"{group.path}/{name}".lstrip("/")
@@ -195,8 +196,12 @@ class Record(Displayed):
                 for index in np.ndindex(values.shape[1:]):
                     axes = zip(values.dims[1:], index, strict=True)
                     parts = [str(values[axis].values[i]) for axis, i in axes]
-                    columns["/".join([place, *parts])] = values.values[:, *index]
-        return pd.DataFrame(columns, index=pd.Index(self.t, name="t"))
+                    column = "/".join([place, *parts])
+                    columns[column] = values.values[:, *index]
+                    places[column] = place, str(values.attrs.get("units", ""))
+        frame = pd.DataFrame(columns, index=pd.Index(self.t, name="t"))
+        frame.attrs["places"] = places
+        return frame
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw errors, sliding variables, the largest shares of the robot's limits, and torques; of a

@@ -107,21 +107,13 @@ def simulate(
     aim = make_task(task, robot, given) if isinstance(task, str) else task
     differences = _scenario(scenario)
     start = differences.start_of(robot) if q0 is None else given
-    setting = Setting(robot, dt, np.random.default_rng(seed))
-    true = true_plant(setting, plant, differences)
     with worth_joining(ticks >= _MANY_TICKS):
-        loop = Loop(
-            robot=robot,
-            controller=law,
-            task=aim,
-            task_map=_task_map(aim, robot),
-            plant=differences.make_plant(setting, true),
-            measurement=differences.measurement(setting, true),
-            tip_measured=differences.tip == "measured",
-            actuation=differences.actuation_chain(setting),
+        loop = closed_loop(
+            *(robot, law, aim, differences, plant),
             q0=start,
             ticks=ticks,
             dt=dt,
+            seed=seed,
             progress=progress,
             observe=observe,
             stride=stride,
@@ -132,7 +124,7 @@ def simulate(
         robot=robot,
         controller=(controller, law),
         task=(task, aim),
-        plant=(plant, true),
+        plant=(plant, loop.plant.robot),
         scenario=differences,
         duration=duration,
         dt=dt,
@@ -141,6 +133,39 @@ def simulate(
         monitor=monitor,
     )
     return _record(loop, run, urdfs_of_run(robot, plant))
+
+
+def closed_loop(
+    robot: MobileManipulator,
+    controller: Controller,
+    task: Task,
+    scenario: Scenario,
+    plant: GivenPlant = None,
+    *,
+    dt: float,
+    seed: int,
+    **others: Any,
+) -> Loop:
+    """The closed loop that a run is, before it runs: of what :func:`simulate` is given, each an object,
+    and of what else :class:`Loop` takes.
+
+    Raises:
+        UsageError: If a part does not fit the robot.
+    """
+    setting = Setting(robot, dt, np.random.default_rng(seed))
+    true = true_plant(setting, plant, scenario)
+    return Loop(
+        robot=robot,
+        controller=controller,
+        task=task,
+        task_map=_task_map(task, robot),
+        plant=scenario.make_plant(setting, true),
+        measurement=scenario.measurement(setting, true),
+        tip_measured=scenario.tip == "measured",
+        actuation=scenario.actuation_chain(setting),
+        dt=dt,
+        **others,
+    )
 
 
 def seconds(name: str, value: float) -> float:
