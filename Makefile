@@ -16,7 +16,7 @@ PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # The results of the suite, which may be a name or a file.
 OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 
-.PHONY: bench test test-slow nightly speed lint format claims table pictures docs browser clean help
+.PHONY: bench test test-slow nightly lowest speed lint format claims table pictures docs browser clean help
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -35,6 +35,9 @@ test-slow: $(VENV)/installed-test ## the longer studies among the tests
 	$(PYTEST) -m slow
 
 nightly: test test-slow ## every test, and the longer studies: 500 made robots among them
+
+lowest: $(VENV)/python ## try the lowest versions that pyproject.toml allows, in build/lowest (ten minutes)
+	$(BIN)/python .ci/lowest.py $(OPTIONS)
 
 speed: $(VENV)/installed-speed ## measure what a tick costs, and Pinocchio, Pink and MuJoCo with it (ten minutes)
 	$(BIN)/python benchmarks/speed.py $(OPTIONS) -o $(RESULTS)/speed

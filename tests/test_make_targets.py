@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -221,6 +222,19 @@ def test_nightly_runs_every_test(checkout):
     said = checkout.make("nightly", "--dry-run")
     assert said.count("pytest -n auto") == 2
     assert "-m slow" in said.strip().splitlines()[-1]
+
+
+def test_lowest_asks_for_the_lowest_version_of_every_library(checkout):
+    """Every library that a user installs has a lower bound, one alone, which `make lowest` tries."""
+    said = checkout.make("--silent", "lowest", "OPTIONS=--constraints")
+    lowest = dict(line.split("==") for line in said.split())
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)["project"]
+    extras = project["optional-dependencies"]
+    named = [*project["dependencies"], *extras["gym"], *extras["mujoco"], *extras["film"]]
+    assert {re.split("[>=]", one)[0] for one in named} <= lowest.keys()
+    assert all(f"{name}>={version}" in str(project) for name, version in lowest.items())
+    assert "ruff" not in lowest
 
 
 def test_lint_finds_what_format_mends(tmp_path):

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,30 @@ def test_registries_in_contributing_are_those_of_the_code():
         assert re.search(rf"^{registry}(: Registry| = Types\()", source, re.MULTILINE), registry
 
 
+def test_changelog_begins_with_what_is_not_released_and_has_this_version():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    headings = re.findall(r"^## (\d+\.\d+\.\d+) \((.+)\)$", text, re.MULTILINE)
+    versions = [tuple(map(int, version.split("."))) for version, _ in headings]
+    assert versions == sorted(versions, reverse=True)
+    assert mobman.__version__ in dict(headings)
+    assert all(re.fullmatch(r"unreleased|\d{4}-\d\d-\d\d", when) for _, when in headings)
+
+
+def test_the_list_for_releases_names_commands_and_files_that_exist():
+    text = (ROOT / "docs" / "release.md").read_text(encoding="utf-8")
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for target in re.findall(r"`make (\w+)`", text):
+        assert re.search(rf"^{target}: ", makefile, re.MULTILINE), target
+    files = re.findall(r"`([\w/]+\.(?:py|md|cff|toml))`", text)
+    assert len(files) >= 5
+    assert [name for name in files if not (ROOT / name).exists()] == []
+    extras = re.search(r"whl\[([\w,]+)\]", text)
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        known = tomllib.load(file)["project"]["optional-dependencies"]
+    assert extras is not None
+    assert {*extras[1].split(",")} <= known.keys()
+
+
 @pytest.fixture(scope="module")
 def sdist(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sdist")
@@ -105,7 +130,15 @@ def sdist(tmp_path_factory):
 def test_source_distribution_has_what_the_two_commands_need(sdist):
     names, _ = sdist
     assert names >= {
-        *("CITATION.cff", "CONTRIBUTING.md", "README.md", "LICENSE", "Makefile", ".ci/run"),
+        *(
+            "CITATION.cff",
+            "CODE_OF_CONDUCT.md",
+            "CONTRIBUTING.md",
+            "README.md",
+            "LICENSE",
+            "Makefile",
+            ".ci/run",
+        ),
         *("pyproject.toml", "mobman/__init__.py", "robots/youbot.toml", "benchmarks/paper.toml"),
         *("tests/conftest.py", "docs/pictures.py"),
     }
