@@ -14,6 +14,7 @@ ELSEWHERE = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
     "SECURITY.md": "security.md",
+    "CODE_OF_CONDUCT.md": "code_of_conduct.md",
     "results/README.md": "results_folder.md",
 }
 """Pages of the repository that are not in docs."""
@@ -49,10 +50,13 @@ CONTENTS = {
         "metrics": "Metrics",
         "tuning": "Tuning",
         "viewer": "Viewer",
+        "bridges": "Bridges to other tools",
         "command_line": "Command line",
         "speed": "Speed",
         "results_folder": "The folder of results",
         "security": "Security",
+        "release": "Releases",
+        "code_of_conduct": "Code of conduct",
     },
     "Reference": {
         "reference/api_robots": "API: robots",
