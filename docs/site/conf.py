@@ -38,6 +38,7 @@ suppress_warnings = ["config.cache"]  # a function among the settings
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_type_aliases = {"Array": "Array"}
+python_use_unqualified_type_names = True
 autodoc_typehints_format = "short"
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
@@ -68,9 +69,10 @@ def _mathml(translator: Any, node: nodes.Element) -> None:
     raise nodes.SkipNode
 
 
-def _norms(
-    _app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]
-) -> None:
+_as_written: dict[str, list[str]] = {}
+
+
+def _norms(_app: Any, what: str, name: str, _object: Any, _options: Any, lines: list[str]) -> None:
     """Docstrings write norms as |x|, which is markup in reStructuredText."""
     lines[:] = [
         "".join(
@@ -79,11 +81,29 @@ def _norms(
         )
         for line in lines
     ]
+    if what in ("attribute", "property") and not any(line.endswith(":") for line in lines):
+        _as_written[name] = list(lines)
+
+
+def _no_types(
+    _app: Any, _what: str, name: str, _object: Any, _options: Any, lines: list[str]
+) -> None:
+    """Undo what napoleon does: to it, what stands before a colon is an attribute's type."""
+    lines[:] = _as_written.pop(name, lines)
+
+
+def _long_signatures(
+    _app: Any, what: str, _name: str, _object: Any, _options: Any, given: str, returned: str
+) -> tuple[str, str] | None:
+    """A record is not made by hand: the arguments of such a class are its attributes."""
+    return ("", returned) if what == "class" and given and given.count(",") > 12 else None
 
 
 def setup(app: Any) -> None:
     """Add the renderer of formulas and its font, and what docstrings need."""
-    app.connect("autodoc-process-docstring", _norms)
+    app.connect("autodoc-process-docstring", _norms, priority=400)  # before napoleon
+    app.connect("autodoc-process-docstring", _no_types, priority=600)  # and after it
+    app.connect("autodoc-process-signature", _long_signatures)
     app.add_html_math_renderer("mathml", (_mathml, None), (_mathml, None))
     package = importlib.util.find_spec("ziamath")
     fonts = Path(package.submodule_search_locations[0]) / "fonts"
