@@ -16,7 +16,7 @@ PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # The results of the suite, which may be a name or a file.
 OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 
-.PHONY: bench test test-slow nightly lowest speed lint format claims table pictures docs browser clean help
+.PHONY: bench test test-slow nightly lowest speed lint format claims table pictures gallery docs browser clean help
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -61,6 +61,9 @@ table: $(VENV)/installed-test ## every law in what robots meet: run the suite ta
 
 pictures: bench $(VENV)/installed-film ## draw the pictures of README and docs; this needs a browser
 	$(BIN)/python docs/pictures.py $(OPTIONS) $(OUT) $(IMAGES)
+
+gallery: $(VENV)/installed-test ## run the scripts of docs/examples in full, draw their pictures, write docs/gallery.md (some minutes)
+	$(BIN)/python docs/gallery.py $(OPTIONS)
 
 docs: $(VENV)/installed-docs ## build the documentation site into build/site; a warning or a broken link is an error
 	$(BIN)/python docs/site/build.py build/site

@@ -201,10 +201,14 @@ def test_speed_makes_every_measurement(checkout):
     assert (folder / "speed.svg").is_file()
 
 
-def test_docs_builds_the_site(checkout):
-    """tests/docs/test_site.py builds it."""
-    said = checkout.make("docs", "--dry-run")
-    assert said.strip().splitlines()[-1].endswith("python docs/site/build.py build/site")
+@pytest.mark.parametrize(
+    ("target", "script"), [("docs", "site/build.py build/site"), ("gallery", "gallery.py ")]
+)
+def test_docs_and_gallery_call_their_scripts(checkout, target, script):
+    """tests/docs/test_site.py and test_gallery.py run these."""
+    said = checkout.make(target, "--dry-run")
+    assert said.strip("\n").splitlines()[-1].endswith(f"python docs/{script}")
+    assert (ROOT / "docs" / script.split()[0]).is_file()
 
 
 def test_test_runs_lint_and_then_the_tests(checkout):

@@ -19,15 +19,14 @@ ELSEWHERE = {
 }
 """Pages of the repository that are not in docs."""
 CONTENTS = {
-    "Start": {"start": "Start in five minutes"},
+    "Start": {"start": "Start in five minutes", "gallery": "Gallery"},
     "Tutorials": {
         "robots": "Your own robot",
-        "controllers": "Your own law",
-        "tasks": "Your own task",
-        "scenarios": "Your own scenario",
-        "suites": "A suite",
-        "report": "Its report, figures for a paper",
+        "own_law": "Your own law",
+        "own_task": "Your own task and scenario",
+        "own_suite": "A suite and its report",
         "results": "Runs with xarray and pandas",
+        "report": "Figures for a paper",
         "running": "A cluster",
         "deploy": "On a robot",
     },
@@ -45,7 +44,11 @@ CONTENTS = {
         "honesty": "Measures, and their limits",
     },
     "In depth": {
+        "controllers": "Controllers",
+        "tasks": "Tasks",
         "platforms": "Platforms",
+        "scenarios": "Scenarios",
+        "suites": "Suites, and what they say",
         "ground": "Wheels on the ground",
         "metrics": "Metrics",
         "tuning": "Tuning",
