@@ -51,6 +51,7 @@ EXTENSIONS = {
     ),
     "Metrics": ("mobman.simulation.metrics.metric", "mobman.simulation.metrics.Run"),
     "Checks of robots": ("mobman.checks.checks.check", "mobman.checks.subject.Subject"),
+    "Learned policies": ("mobman.bridges.policy.PolicyController",),
     "Registries": ("mobman.registry.Registry",),
 }
 """What own laws, tasks and the like build on."""

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import mobman as mm
+
 ROOT = Path(__file__).parents[2]
 _SPEC = importlib.util.spec_from_file_location("site_pages", ROOT / "docs" / "site" / "pages.py")
 pages = importlib.util.module_from_spec(_SPEC)
@@ -58,6 +60,20 @@ def test_links_of_the_repository_become_those_of_the_site(text, turned):
 def test_a_link_that_leads_nowhere_is_an_error():
     with pytest.raises(FileNotFoundError, match=r"docs/page\.md: none\.md#x"):
         pages.linked("[a](none.md#x)", "docs/page.md")
+
+
+def test_commands_that_the_pages_name_are_there():
+    """Suites, scripts and targets of the Makefile."""
+    text = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md"))
+    suites = set(re.findall(r"`mobman bench (?:run|tune) ([a-z]+)`", text))
+    assert len(suites) >= 7
+    assert suites <= set(mm.list_suites())
+    scripts = set(re.findall(r"python ((?:benchmarks|docs)/[\w/]+\.py)", text))
+    assert len(scripts) >= 5
+    assert [script for script in scripts if not (ROOT / script).is_file()] == []
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = re.findall(r"^([a-z-]+):", makefile, re.MULTILINE)
+    assert set(re.findall(r"`make ([a-z-]+)", text)) <= set(targets) | {"test", "test-slow"}
 
 
 class _Loaded(HTMLParser):
