@@ -29,10 +29,7 @@ def export(what: Record | MobileManipulator | str | os.PathLike[str], path: Any)
 
     Args:
         what: A record or its file, or for MuJoCo a robot by name, file or object; of a record its robot.
-        path: The file; one that is there is replaced.
-
-    Returns:
-        What could not be written as it should be, in sentences.
+        path: The file; one that is there is replaced. What is not in it as it should be is returned.
 
     Raises:
         MobmanError: If the suffix is another, what it needs is not installed, the record or the robot

@@ -46,18 +46,13 @@ class TrackingEnv(gymnasium.Env[Array, Any]):
     Args:
         robot: By name, TOML file or object; so is the scenario.
         task: By name; ``task_options`` are its parameters.
-        scenario: Differences of the plant and its sensors.
-        actions: ``"acceleration"`` or ``"torque"``.
+        actions: ``"acceleration"`` or ``"torque"``, each held for ``dt`` (s).
         duration: Of an episode (s).
-        dt: Sampling period, for which an action is held (s).
-        task_options: See ``task``.
         numbers: Of the placements to draw from (:func:`mobman.simulation.placements.placements`); 0 is
             rest. Suites report 0 to 4 by default; tuning uses those from 1000 on.
         render_mode: None: :func:`mobman.view` shows records.
 
-    Attributes:
-        names: Names of the entries of an observation.
-        loop: The run of this episode.
+    Attributes ``names`` are those of an observation's entries, ``loop`` is the run of this episode.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}

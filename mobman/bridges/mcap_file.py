@@ -33,12 +33,7 @@ def mcap_content(record: Record, robot: MobileManipulator | None) -> tuple[bytes
     second there are the joints' frames (``/tf``), and the poses of tip and base (``/tip/pose``,
     ``/base/pose``); once, the robot's shapes (``/scene``). Log times are those of the run, from 0.
 
-    Args:
-        record: The run.
-        robot: Its robot; None for the numbers alone.
-
-    Raises:
-        UsageError: If the library is not installed.
+    Without a robot there are the numbers alone. UsageError if the library is not installed.
     """
     try:
         from mcap.writer import Writer

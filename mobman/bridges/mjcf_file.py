@@ -17,8 +17,7 @@ from mobman.simulation.mjcf import BASE, Ground, feet_of, mjcf, numbers, princip
 from mobman.viewer.meshes import Surface
 from mobman.viewer.robot import Part, robot_parts
 
-_STEP = 1e-3  # s
-_SAME = 1e-9  # kg m^2
+_STEP, _SAME = 1e-3, 1e-9  # s, kg m^2
 _LIGHTEST = 1e-12  # kg, kg m^2: the compiler refuses bodies without mass
 
 
@@ -30,22 +29,16 @@ def mjcf_content(robot: MobileManipulator) -> tuple[bytes, tuple[str, ...]]:
     ``rest`` is ``q_rest``, with the base's frame on the ground. Ground and tyres are those that the
     plant ``mujoco`` has by default.
 
-    Args:
-        robot: The robot.
-
     Raises:
-        UsageError: If MuJoCo is not installed, which checks the file.
-        MobmanError: If it refuses the robot.
+        MobmanError: If MuJoCo, which checks the file, is not installed or refuses the robot.
     """
     if importlib.util.find_spec("mujoco") is None:
         raise UsageError("MuJoCo's XML needs MuJoCo; install it: pip install 'mobman[mujoco]'")
     mujoco = importlib.import_module("mujoco")
     given, feet = MuJoCo(), feet_of(robot, scrub=True)
     gravity = np.array(robot.model.gravity.linear)
-    ground = Ground(
-        *(given.friction, gravity, given.deflection, given.damping),
-        *(given.impedance, given.creep, given.supports, ()),
-    )
+    tyres = (given.deflection, given.damping, given.impedance, given.creep, given.supports)
+    ground = Ground(given.friction, gravity, *tyres, ())
     root = ET.fromstring(mjcf(robot, feet, ground, _STEP))
     root.set("model", robot.name)
     root.insert(0, ET.Element("asset"))
@@ -54,19 +47,16 @@ def mjcf_content(robot: MobileManipulator) -> tuple[bytes, tuple[str, ...]]:
     if base:
         bodies[base[-1]] = bodies.pop(BASE)
     remarks = _masses_and_limits(robot, bodies)
-    if turning := [foot.name for foot in feet if foot.directed]:
+    if turning := ", ".join(foot.name for foot in feet if foot.directed):
         remarks.append(
-            f"{', '.join(turning)}: friction in one direction, which turns with the platform, is what "
-            "the plant 'mujoco' sets at every step and XML cannot say"
+            f"{turning}: XML cannot say friction in a direction that turns, as of rollers"
         )
     remarks += _motors(robot, root, bodies)
     parts, problems = robot_parts(robot)
+    carriers = {"universe": next(root.iter("worldbody")), **bodies}
     for i, part in enumerate(parts):
-        body = (
-            bodies.get(str(robot.model.names[part.joint])) if part.joint else root.find("worldbody")
-        )
-        if body is not None and part.role != "collision":
-            _add_shape(root, body, part, f"shape_{i}")
+        if part.role != "collision" and (name := str(robot.model.names[part.joint])) in carriers:
+            _add_shape(root, carriers[name], part, f"shape_{i}")
     try:
         model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
     except ValueError as error:
@@ -100,13 +90,9 @@ def _masses_and_limits(robot: MobileManipulator, bodies: dict[str, ET.Element]) 
             if excess > _SAME:
                 remarks.append(f"the inertia of {name} is that of no body; two moments are larger")
             a, b = a + excess, b + excess
-        mass = repr(max(float(inertia.mass), _LIGHTEST))
-        where = {"pos": numbers(inertia.lever), "quat": numbers(axes)}
-        next(body.iter("inertial")).attrib |= {
-            **where,
-            "mass": mass,
-            "diaginertia": numbers((a, b, c)),
-        }
+        own = {"mass": repr(max(float(inertia.mass), _LIGHTEST)), "pos": numbers(inertia.lever)}
+        own |= {"diaginertia": numbers((a, b, c)), "quat": numbers(axes)}
+        next(body.iter("inertial")).attrib |= own
     for name, lower, upper in zip(robot.joint_names, *robot.limits[:2], strict=True):
         if name in bodies and np.isfinite([lower, upper]).all() and lower < upper:
             next(bodies[name].iter("joint")).set("range", numbers((lower, upper)))

@@ -219,7 +219,7 @@ def test_what_xml_cannot_say_is_said():
     from mobman.bridges.mjcf_file import mjcf_content
 
     _, remarks = mjcf_content(mm.load_robot("youbot_mecanum"))
-    assert any("wheel_joint_fl" in one and "friction" in one for one in remarks)
+    assert any("wheel_joint_fl" in one and "rollers" in one for one in remarks)
     _, remarks = mjcf_content(mm.load_robot("kmr_iiwa"))
     assert any("v_x has no motor" in one for one in remarks)
 
