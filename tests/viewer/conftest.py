@@ -69,7 +69,9 @@ def runs():
 
 
 # one of a few cylinders and boxes, and one of meshes with textures, that steers
-@pytest.fixture(scope="session", params=["youbot", "hunter_ur10"])
+@pytest.fixture(
+    scope="session", params=["youbot", pytest.param("hunter_ur10", marks=pytest.mark.slow)]
+)
 def replay(request, runs, opened, tmp_path_factory):
     """A robot, a run of it, and the run's standalone page."""
     robot, record = mm.load_robot(request.param), runs(request.param)

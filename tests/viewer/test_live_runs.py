@@ -47,7 +47,7 @@ def _serving():
     return [thread for thread in threading.enumerate() if thread.name == "mobman view"]
 
 
-@pytest.mark.parametrize("name", ["youbot", "tiago"])
+@pytest.mark.parametrize("name", ["youbot", pytest.param("tiago", marks=pytest.mark.slow)])
 def test_the_page_follows_the_run_which_is_not_changed(name, opened):
     robot = mm.load_robot(name)
     seen = []

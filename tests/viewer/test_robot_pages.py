@@ -24,6 +24,7 @@ def shown(replay):
     return robot, page
 
 
+@pytest.mark.parametrize("replay", ["youbot", "hunter_ur10"], indirect=True)
 def test_scene_has_the_robots_geometry_where_pinocchio_has_it(shown):
     robot, page = shown
     geometry = load_geometry(robot)
@@ -48,6 +49,7 @@ def test_scene_has_the_robots_geometry_where_pinocchio_has_it(shown):
     assert shown_now == {"visual"}
 
 
+@pytest.mark.parametrize("replay", ["youbot", "hunter_ur10"], indirect=True)
 def test_joints_are_where_pinocchio_has_them(shown):
     robot, page = shown
     assert page.evaluate("mobman.joints()") == list(robot.model.names)[1:]
