@@ -16,6 +16,9 @@ PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # The results of the suite, which may be a name or a file.
 OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 
+# Tests start hundreds of processes that import the same files: Python keeps what it compiles of them.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: bench test test-slow nightly lowest speed lint format claims table pictures gallery docs browser clean help
 .DEFAULT_GOAL := help
 

@@ -9,6 +9,7 @@ import tempfile
 from contextlib import ExitStack
 from functools import cache
 
+import numba
 import pytest
 
 # robots that the user of this machine has added are none of the tests' business
@@ -44,7 +45,7 @@ def pytest_configure(config):
 def pytest_sessionstart(session):
     """Compile what most tests need once, before several processes would at the same time; no test then
     meets the line which says that it takes a while."""
-    if not hasattr(session.config, "workerinput"):
+    if not hasattr(session.config, "workerinput") and not numba.config.DISABLE_JIT:
         for robot in ONE_OF_EACH:
             for law in mm.list_controllers() if robot == "youbot" else ["tsm"]:
                 mm.simulate(robot, law, "circle", duration=1e-3, scenario="realistic")

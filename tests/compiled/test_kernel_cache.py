@@ -114,8 +114,15 @@ def test_changed_kernel_is_compiled_anew(tiny):
     assert {file: file.stat().st_mtime_ns for file in tiny.kept()} == before
 
 
-@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-@pytest.mark.parametrize("content", [b"no machine code", None], ids=["other", "half"])
+@pytest.mark.parametrize(
+    ("suffix", "content"),
+    [
+        pytest.param(".nbi", b"no machine code", id="index, other"),
+        pytest.param(".nbc", None, id="code, half"),
+        pytest.param(".nbc", b"no machine code", id="code, other", marks=pytest.mark.slow),
+        pytest.param(".nbi", None, id="index, half", marks=pytest.mark.slow),
+    ],
+)
 def test_file_that_cannot_be_read_counts_as_missing(compiled, suffix, content):
     for file in compiled.kept():
         if file.suffix == suffix:
@@ -170,7 +177,7 @@ def refused(tiny, *words):
 
 
 @posix
-@pytest.mark.parametrize("mode", [0o777, 0o1777])
+@pytest.mark.parametrize("mode", [0o777, pytest.param(0o1777, marks=pytest.mark.slow)])
 def test_folder_that_others_may_write_to_is_not_used(compiled, mode):
     folder = compiled.folder
     folder.chmod(mode)
@@ -219,7 +226,9 @@ def test_link_to_a_folder_that_others_may_write_to(compiled, tmp_path):
 
 @posix
 @pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="only root may give files away")
-@pytest.mark.parametrize("what", ["cache", "folder", "file"])
+@pytest.mark.parametrize(
+    "what", [*(pytest.param(name, marks=pytest.mark.slow) for name in ("cache", "folder")), "file"]
+)
 def test_what_belongs_to_another_user_is_not_used(compiled, what):
     file = compiled.kept()[0]
     path = {"cache": compiled.cache, "folder": compiled.folder, "file": file}[what]
@@ -299,7 +308,7 @@ def _run(folder, code, **environment):
     return done.stdout
 
 
-@pytest.mark.parametrize("file", ["linalg.py", "compiled.py"])
+@pytest.mark.parametrize("file", ["linalg.py", pytest.param("compiled.py", marks=pytest.mark.slow)])
 def test_folder_is_named_after_all_that_decides_the_machine_code(file, tmp_path):
     """Equations and the compiler's options."""
     code = "from mobman.compiled import kernel_folder; print(kernel_folder().name)"

@@ -8,6 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
+from support.swept import swept
 from support.variants import description
 
 import mobman as mm
@@ -20,6 +21,8 @@ from mobman.tasks.task import check_parameters, parameters_of
 FAR = [5e-324, 1e-160, 1e160, 1e300, 1.7e308]
 SIZES = r"must be 0, or of a size from 1e-30 to 1e\+15"
 ALLOWED = [SMALLEST, LARGEST, -LARGEST]
+# one of each family: points, circles, harmonics, turns of the tip, and what is searched for
+SOME_TASKS = ("line", "circle", "lissajous", "pose-circle", "kinematic-singularity")
 
 
 @pytest.fixture(autouse=True)
@@ -56,7 +59,9 @@ def test_gain_that_no_float_holds():
 
 
 @pytest.mark.parametrize("value", ALLOWED)
-@pytest.mark.parametrize("law", ["tsm", "damped-least-squares", "extended-jacobian"])
+@pytest.mark.parametrize(
+    "law", swept(["tsm", "damped-least-squares", "extended-jacobian"], always=["tsm"])
+)
 def test_gains_of_the_least_and_largest_size_run(law, value):
     for field in dataclasses.fields(controllers.get(law).Gains):
         settles(lambda name=field.name: run(mm.make_controller(law, **{name: value})))
@@ -72,7 +77,7 @@ def test_tasks_parameters_are_refused(value):
 
 
 @pytest.mark.parametrize("value", [SMALLEST, LARGEST])
-@pytest.mark.parametrize("task", mm.list_tasks())
+@pytest.mark.parametrize("task", swept(mm.list_tasks(), always=SOME_TASKS))
 def test_tasks_of_the_least_and_largest_size_run(task, value, youbot):
     for item in parameters_of(task):
         for given in (value, [value] * 3):

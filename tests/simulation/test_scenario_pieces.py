@@ -230,7 +230,10 @@ def dead_ticks(run):
 """
 
 
-@pytest.mark.parametrize(("file", "name"), [("dead_sensor", "dead-sensor"), ("mine", "dead")])
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [pytest.param("dead_sensor", "dead-sensor", marks=pytest.mark.slow), ("mine", "dead")],
+)
 def test_a_new_file_is_all_that_a_piece_and_a_metric_need(tmp_path, file, name):
     """In the folder of the package, whatever it is called."""
     (tmp_path / f"{file}.py").write_text(NEW_FILE.format(name=name), encoding="utf-8")

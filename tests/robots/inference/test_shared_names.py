@@ -45,22 +45,22 @@ def made() -> Robot:
     return robot
 
 
-@pytest.fixture(params=["tool0", "arm_6"])
+@pytest.fixture(scope="module", params=["tool0", "arm_6"])
 def tip(request):
     """Links at the end of a fixed and of a moving joint of their name."""
     return request.param
 
 
-@pytest.fixture
-def both(tip, tmp_path):
+@pytest.fixture(scope="module")
+def both(tip, tmp_path_factory):
     """The robot twice, added from URDFs with names of their own and with shared names."""
-    robots = []
+    robots, folder = [], tmp_path_factory.mktemp("both")
     for name, urdf, end in (
         ("apart", made(), tip.replace("arm_6", "arm_6_link")),
         ("shared", shared(made()), tip),
     ):
-        file = urdf.write(tmp_path / f"{name}.urdf")
-        toml = tmp_path / f"{name}.toml"
+        file = urdf.write(folder / f"{name}.urdf")
+        toml = folder / f"{name}.toml"
         done = CliRunner().invoke(add, [str(file), "--tip", end, "-o", str(toml), "--json"])
         assert done.exit_code == 0, done.exception
         robots.append((mm.load_robot(toml), json.loads(done.stdout)))
