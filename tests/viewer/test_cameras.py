@@ -50,6 +50,17 @@ def files(runs, tmp_path_factory):
     return {name: mm.view(what, html=folder / f"{name}.html").url for name, what in shown.items()}
 
 
+def _hidden(page):
+    """What HIDDEN gives, once it is nothing or 10 s are over: the sizes of a window that was changed,
+    what folds in it, and the view that follows come in events of their own."""
+    for _ in range(100):
+        count, hidden = page.evaluate(HIDDEN)
+        if not hidden:
+            break
+        page.wait_for_timeout(100)
+    return count, hidden
+
+
 @pytest.mark.parametrize(
     "name",
     ["robot", "pair", *(pytest.param(name, marks=pytest.mark.slow) for name in ("tall", "low"))],
@@ -60,12 +71,7 @@ def test_first_view_is_clear_of_what_is_written(files, opened, name):
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_function("width => mobman.app.stage.viewer.camera.aspect"
                 " === width[0] / width[1]", arg=[width, height])  # fmt: skip
-            # what folds in a narrow window, and the view that follows it, come in events of their own
-            for _ in range(100):
-                count, hidden = page.evaluate(HIDDEN)
-                if not hidden:
-                    break
-                page.wait_for_timeout(100)
+            count, hidden = _hidden(page)
             assert count > 8
             assert hidden == [], (width, height)
             if name == "pair":
@@ -74,7 +80,7 @@ def test_first_view_is_clear_of_what_is_written(files, opened, name):
         page.set_viewport_size({"width": 1400, "height": 900})
         for camera in CAMERAS:
             page.evaluate("camera => mobman.look(camera)", camera)
-            assert page.evaluate(HIDDEN)[1] == [], camera
+            assert _hidden(page)[1] == [], camera
 
 
 def test_presets_and_directions(files, opened):
