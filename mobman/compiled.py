@@ -424,8 +424,10 @@ def _announce(function: Any) -> None:
 def _say_that_it_takes_time() -> None:
     """Say, once a process, why the first call takes its time."""
     reason = unsafe()
+    some = anything_kept() and not reason
+    which = "those that were not used before" if some else "once, it takes about half a minute"
     print(
-        "mobman: compiling its kernels for this machine; once, it takes about half a minute"
+        f"mobman: compiling its kernels for this machine; {which}"
         + ("" if reason else f" (kept in {kernel_folder()})"),
         file=sys.stderr,
         flush=True,

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import mobman
+from mobman import compiled as kernels
 from mobman.compiled import kernel_files
 
 PACKAGE = Path(mobman.__file__).parent
@@ -94,7 +95,7 @@ def compiled(tmp_path, run_once):
 
 def test_first_process_says_that_it_compiles_and_the_second_does_not_compile(tiny):
     first = tiny.run()
-    assert first.count("mobman: compiling its kernels for this machine") == 1
+    assert first.count("mobman: compiling its kernels for this machine; once") == 1
     assert first.count("\n") == 1
     assert str(tiny.cache) in first
     kept = tiny.kept()
@@ -159,6 +160,14 @@ def test_folder_that_cannot_be_written_costs_one_warning(tmp_path, obstacle):
         assert said.count("Warning") == 1
         assert "Set NUMBA_CACHE_DIR to a folder that can be written" in said
         assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(("kept", "said"), [((), "once, it takes"), (("dot",), "not used before")])
+def test_kernels_that_come_later_are_not_said_to_take_as_long(kept, said, monkeypatch, capsys):
+    monkeypatch.setattr(kernels, "_kept", lambda: frozenset(kept))
+    monkeypatch.setattr(kernels, "unsafe", lambda: "")
+    kernels._say_that_it_takes_time.__wrapped__()
+    assert said in capsys.readouterr().err
 
 
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
