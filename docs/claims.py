@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 import mobman as mm
-from mobman.benchmark.suite import Suite
 from mobman.toml_model import read_toml
 
 DOCS = Path(__file__).parent
@@ -126,17 +125,6 @@ def over_robots(law: str, scenario: str = "heavier") -> float:
     """The median over robots of the largest |e^e| in the last 2 s of 10 s of ``circle`` (m)."""
     runs = (run(law, robot, "circle", scenario=scenario) for robot in FIRST)
     return float(np.median([after(r, 8.0) if r.status == "ok" else np.inf for r in runs]))
-
-
-def suite(name: str, *labels: str, **fields: Any) -> Any:
-    """The frame of a shipped suite's results, with other fields and these controllers alone; kept in
-    ``results/claims``."""
-    content = mm.load_suite(name).model_dump(mode="json", by_alias=True, exclude_unset=True)
-    content["controllers"] = {k: content["controllers"][k] for k in labels}
-    content |= {**fields, "name": f"{name}-claims"}
-    folder = DOCS.parent / "results" / "claims" / "-".join([name, *labels])
-    mm.run_suite(Suite.model_validate(content), folder, workers=2, report=False)
-    return mm.load_results(folder)
 
 
 def found_by(claim: Claim) -> float:
