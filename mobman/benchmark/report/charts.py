@@ -431,43 +431,56 @@ def papers_cell(results: Results) -> int | None:
     return next((int(cell) for cell in papers if cell in done), None)
 
 
-def _margin(stage: str, record: Any) -> Array:
-    margin: Array = record.signals[f"monitors/margin_{stage}"]
-    return margin[:, None]
+class _Curves(NamedTuple):
+    """Norms that are drawn against time."""
+
+    axis: str
+    caption: str
+    values: Callable[[Any], Array | None]
+    """Of a record, in columns; None if it has none."""
+    mark: float | None = None
+    """Value of a dotted line."""
 
 
-_CURVES: dict[str, tuple[str, str, Callable[[Any], Array]]] = {
-    "task error": (
+def _margin(stage: str, record: Any) -> Array | None:
+    margin: Array | None = record.signals.get(f"monitors/margin_{stage}")
+    return None if margin is None else margin[:, None]
+
+
+_CURVES = {
+    "task error": _Curves(
         _ERROR[7:],
         "Euclidean norm of the task errors e^e. Dotted: 1e-4 m.",
         lambda record: record.task_error[:, :3],
+        SUCCESS,
     ),
-    "auxiliary error": (
+    "auxiliary error": _Curves(
         "|eᵃ|",
         "Euclidean norm of the auxiliary errors e^a: how far from (locally) optimal for the criterion.",
         lambda record: record.auxiliary_error,
     ),
-    "orientation error": (
+    "orientation error": _Curves(
         "|eₒ|  (rad)",
         "Euclidean norm of the orientation errors e_o. Dotted: 1e-4 rad.",
         lambda record: record.task_error[:, 3:],
+        SUCCESS,
     ),
-    "torque": (
+    "torque": _Curves(
         "|v|  (N m or N)",
         "Euclidean norm of the torques v.",
         lambda record: record.torque,
     ),
-    **{
-        f"margin of the {stage} stage": (
-            "gain over what is needed",
-            f"Gain of the {stage} stage over what the theorems ask for along the run. Dotted: 1.",
-            partial(_margin, stage),
-        )
-        for stage in STAGES
-    },
 }
-"""Norms that are drawn against time: title of the axis, caption, and values in columns."""
-_MARKS = {"task error": SUCCESS, "orientation error": SUCCESS}
+_MARGINS = {
+    f"margin of the {stage} stage": _Curves(
+        "gain over what is needed",
+        f"Gain of the {stage} stage over what the theorems ask for along the run. Dotted: 1.",
+        partial(_margin, stage),
+        1.0,
+    )
+    for stage in STAGES
+}
+"""Of monitored runs."""
 
 
 def cell_figures(
@@ -494,16 +507,15 @@ def cell_figures(
     if any(record.tip_orientation is not None for _, record in records.values()):
         wanted.append("orientation error")
     if motor_columns:
-        wanted += [f"margin of the {stage} stage" for stage in STAGES]
+        wanted += _MARGINS
     figures = []
     for what in wanted if motor_columns else [*wanted, "torque"]:
-        axis, caption, values = _CURVES[what]
+        kind = {**_CURVES, **_MARGINS}[what]
         curves, good = [], []
         for label, (run, record) in records.items():
-            try:
-                curve = _norm(label, record.t, values(record), columns, run)
-            except KeyError:  # the run was not monitored
+            if (values := kind.values(record)) is None:
                 continue
+            curve = _norm(label, record.t, values, columns, run)
             curves.append(curve)
             good += [curve.values] if run.ok else []
         if not curves:
@@ -512,15 +524,15 @@ def cell_figures(
             curves,
             looks,
             title=f"Norm of the {what} against time, log axis: {name}",
-            axis=axis,
+            axis=kind.axis,
             duration=duration,
             # a run that diverges must not take the scale away from those that do not
             limits=decades(np.concatenate(good or [c.values for c in curves])),
             steady=STEADY * duration,
-            mark=_MARKS.get(what, 1.0 if what.startswith("margin") else None),
+            mark=kind.mark,
             height=240.0 if motor_columns else 170.0,
         )
-        figures.append(Figure(f"{name} {what}", [spec], caption))
+        figures.append(Figure(f"{name} {what}", [spec], kind.caption))
     if not motor_columns:
         charts = [figure.charts[0] for figure in figures]
         return CellFigures(cell, [Figure(name, charts, "", across=True)], [])
