@@ -1,8 +1,8 @@
 """Tables of the docs over all robots: poses, and control at the limits of motors and joints.
 
-python benchmarks/real.py pose [ROBOT ...]
-python benchmarks/real.py far [ROBOT ...]
-python benchmarks/real.py limits [ROBOT ...]
+python benchmarks/poses_and_limits.py pose [ROBOT ...]
+python benchmarks/poses_and_limits.py far [ROBOT ...]
+python benchmarks/poses_and_limits.py limits [ROBOT ...]
 """
 
 from __future__ import annotations
