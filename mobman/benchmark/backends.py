@@ -95,9 +95,11 @@ class Local(Backend):
         self._workers = Workers(count, time_limit)
 
     def slots(self) -> int:
+        """See :meth:`Backend.slots`."""
         return self._count
 
     def submit(self, job: Job) -> Future[Result]:
+        """See :meth:`Backend.submit`."""
         try:
             return self._workers.submit(perform_packed, packed(job, pickle.dumps))
         except MobmanError as error:
@@ -106,6 +108,7 @@ class Local(Backend):
             return refused
 
     def loss(self, error: BaseException) -> str | None:
+        """See :meth:`Backend.loss`."""
         if isinstance(error, TimeoutError):
             return f"took longer than its time limit of {self._limit:g} s"
         return str(error) if isinstance(error, WorkerLostError) else None
@@ -133,19 +136,23 @@ class AnyExecutor(Backend):
         self._futures: set[Future[Result]] = set()
 
     def slots(self) -> int:
+        """See :meth:`Backend.slots`."""
         # an attribute of Python's own executors; another one gets a little more than it needs
         return int(getattr(self._executor, "_max_workers", default_workers()))
 
     def submit(self, job: Job) -> Future[Result]:
+        """See :meth:`Backend.submit`."""
         future = self._executor.submit(perform, job)
         self._futures.add(future)
         future.add_done_callback(self._futures.discard)
         return future
 
     def loss(self, error: BaseException) -> str | None:
+        """See :meth:`Backend.loss`."""
         return "its worker process died" if isinstance(error, BrokenExecutor) else None
 
     def renew(self, error: BaseException) -> None:
+        """See :meth:`Backend.renew`."""
         if self._make is None:
             raise MobmanError(
                 f"the executor broke ({error}), since a run ended its process; what was done is kept. "
@@ -201,6 +208,7 @@ class Cluster(Backend):
         self._known: set[str] = set()
 
     def slots(self) -> int:
+        """See :meth:`Backend.slots`."""
         if self._client.status != "running":
             raise self._lost()
         try:
@@ -213,6 +221,7 @@ class Cluster(Backend):
         return sum(threads.values())
 
     def submit(self, job: Job) -> Future[Result]:
+        """See :meth:`Backend.submit`."""
         import cloudpickle
 
         try:
@@ -221,6 +230,7 @@ class Cluster(Backend):
             raise self._lost() from error
 
     def loss(self, error: BaseException) -> str | None:
+        """See :meth:`Backend.loss`."""
         from distributed import KilledWorker
 
         if not isinstance(error, KilledWorker):
@@ -230,6 +240,7 @@ class Cluster(Backend):
         return f"{many} that had it died (out of memory, over its time limit, or killed)"
 
     def prepare(self, jobs: Sequence[Job]) -> None:
+        """See :meth:`Backend.prepare`."""
         self._parts = parts_of(jobs)
 
     def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
