@@ -7,6 +7,7 @@ exit status is 1, so that the words around it are read again.
 
 from __future__ import annotations
 
+import argparse
 import re
 import shlex
 import subprocess
@@ -111,8 +112,8 @@ def apart(one: mm.Record, other: mm.Record, name: str = "q") -> float:
 
 
 def ends(record: mm.Record) -> float:
-    """When a run that diverges does (s); infinite for one that does not."""
-    return float(record.t[-1]) if record.status == "diverged" else np.inf
+    """When a run ends early (s); infinite for one that goes to its end."""
+    return np.inf if record.status == "ok" else float(record.t[-1])
 
 
 NEWER = ("fetch", "hsr", "kmr", "locobot", "mobile", "ranger", "stretch", "turtlebot3")
@@ -225,4 +226,6 @@ def renew(claim: Claim, value: str, table: Path = TABLE) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("words", nargs="*", help="only claims and tables whose page or name has one")
+    sys.exit(main(parser.parse_args().words))
