@@ -130,15 +130,19 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         drive = find_drive(tree, wheels, options, arms, _hint(robot))
         # on wheels that it has in the air, or on none, it may stand if it is turned
         turns = (high or not wheels) and options.platform is None
-        if turns and (side := _lies_on_its_side(urdf, len(wheels))):
+        if turns and (side := _lies_on_its_side(urdf, tree, len(wheels))):
             raise Undecided(side)
         uncertain += drive.uncertain
         if drive.rolling:
             others = [wheel for wheel in wheels if wheel.name not in drive.own]
             radius, doubts = settle_radius(tree, drive.driven, others, options)
             uncertain += doubts
+            ground = wheels[0].joint.centre[2] - radius.value
+            # most of the robot is below the ground
+            if _middle(tree) < ground and (side := _lies_on_its_side(urdf, tree, len(wheels) - 1)):
+                raise Undecided(side)
     except Undecided as error:
-        side = "" if wheels else _lies_on_its_side(urdf, 0)
+        side = "" if wheels else _lies_on_its_side(urdf, tree, 0)
         questions.append(side or str(error))
     if drive is not None:
         taken |= drive.own | {name for lock in drive.locks for name in lock.joints}
@@ -211,22 +215,28 @@ def _told(drive: Drive, radius: Inferred | None) -> str:
     )
 
 
-def _lies_on_its_side(urdf: UrdfFile, standing: int) -> str:
+def _lies_on_its_side(urdf: UrdfFile, tree: Tree, standing: int) -> str:
     """The question where more wheels than stand would if another axis of the root link pointed up; else
     empty."""
+    axes = {joint.name: joint.axis for joint in tree.movable}
     turned = ((axis, replace(urdf, up=axis)) for axis in _AXES if axis != urdf.up)
     for axis, file in turned:
-        tree = Tree(file.parse(), file)
-        wheels, _ = rolling_wheels(tree)
+        upright = Tree(file.parse(), file)
+        wheels, _ = rolling_wheels(upright)
         for one, other in pairs_of(wheels)[: len(wheels) > standing]:
             axle = 0.5 * (one.joint.centre + other.joint.centre)
-            if np.mean([place[2] for place in tree.position.values()]) > axle[2]:
-                across = {"x": "z", "y": "z", "z": "y"}[axis[-1]] if urdf.up == "z" else "up"
+            if _middle(upright) > axle[2]:
+                across = "xyz"[int(np.argmax(np.abs(axes[one.name])))]
                 return (
                     f"the root link lies on its side (wheel axes about {across}): {one.name} and "
                     f"{other.name} would roll with its {axis} axis up; give --up {axis}"
                 )
     return ""
+
+
+def _middle(tree: Tree) -> float:
+    """The mean height of the links above the root link (m)."""
+    return float(np.mean([place[2] for place in tree.position.values()]))
 
 
 def _hint(robot: ET.Element) -> str:

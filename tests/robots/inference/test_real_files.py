@@ -166,15 +166,18 @@ def test_axes_that_are_off_by_more_are_refused(mobman_robots, tmp_path):
     assert "wheel_left_joint" in refusal(done)
 
 
-def test_a_root_link_on_its_side(mobman_robots, tmp_path):
+@pytest.mark.parametrize(
+    ("rpy", "up", "axes"), [((-QUARTER, 0, 0), "y", "z"), ((0, QUARTER, 0), "x", "y")]
+)
+def test_a_root_link_on_its_side(mobman_robots, tmp_path, rpy, up, axes):
     robot = differential().arm(tip="tool0")
     robot.link("root", mass=0)
-    robot.joint("root_joint", "fixed", "root", "base_link", (0, 0, 0), rpy=(-QUARTER, 0, 0))
+    robot.joint("root_joint", "fixed", "root", "base_link", (0, 0, 0), rpy=rpy)
     urdf, toml = robot.write(tmp_path / "a.urdf"), tmp_path / "a.toml"
     question = refusal(mobman_robots("add", urdf, "-o", toml))
-    assert "lies on its side" in question
-    assert "--up y" in question
-    assert mobman_robots("add", urdf, "-o", toml, "--up", "y").exit_code == 0
+    assert f"lies on its side (wheel axes about {axes})" in question
+    assert f"give --up {up}" in question
+    assert mobman_robots("add", urdf, "-o", toml, "--up", up).exit_code == 0
     turned = mm.load_robot(toml)
     upright = differential().arm(tip="tool0").write(tmp_path / "b.urdf")
     assert mobman_robots("add", upright, "-o", tmp_path / "b.toml").exit_code == 0
