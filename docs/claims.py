@@ -227,5 +227,7 @@ def renew(claim: Claim, value: str, table: Path = TABLE) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("words", nargs="*", help="only claims and tables whose page or name has one")
+    parser.add_argument(
+        "words", nargs="*", help="only claims and tables whose page or name has one"
+    )
     sys.exit(main(parser.parse_args().words))
