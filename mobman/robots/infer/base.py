@@ -264,7 +264,8 @@ def _driven_wheels(wheels: list[Rolling]) -> tuple[list[Rolling], tuple[str, ...
     swivels = {w.swivel for w in carried if w.swivel is not None}
     if not pairs_of(fixed) and len(swivels) == 1:
         (swivel,), pairs = swivels, pairs_of(carried)
-        if len(pairs) == 1 and _around(swivel, *pairs[0]):
+        alone = len(carried) == len(wheels)
+        if len(pairs) == 1 and _around(swivel, *pairs[0], alone=alone):
             fixed, turrets = carried, (swivel.name,)
     named = [w for w in fixed if not w.says(CASTER)]
     groups: list[list[Rolling]] = []
@@ -297,13 +298,15 @@ def _alike(one: Rolling, other: Rolling) -> bool:
     return len(radii) < 2 or abs(radii[0] - radii[1]) <= SAME_RADIUS
 
 
-def _around(swivel: Joint, one: Rolling, other: Rolling) -> bool:
-    """True if two wheels are on either side of a swivel's axis, not both at a caster's fork."""
+def _around(swivel: Joint, one: Rolling, other: Rolling, *, alone: bool) -> bool:
+    """True if two wheels are on either side of a swivel's axis, not both at a caster's fork: they are
+    farther apart than a wheel is long, or there are no others that could drive."""
     track = other.joint.centre[:2] - one.joint.centre[:2]
     middle = 0.5 * (other.joint.centre[:2] + one.joint.centre[:2])
     off = float(abs((swivel.centre[:2] - middle) @ track) / (track @ track))
     wide, radius = float(np.linalg.norm(track)), one.radius or 0.0
-    return off < _BETWEEN and (wide > 2.0 * radius or radius > wide)  # or in another unit
+    # a radius above the track is in another unit
+    return off < _BETWEEN and (alone or wide > 2.0 * radius or radius > wide)
 
 
 def _turret(one: Rolling, other: Rolling) -> Joint | None:

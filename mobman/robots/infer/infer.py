@@ -223,14 +223,17 @@ def _lies_on_its_side(urdf: UrdfFile, tree: Tree, standing: int) -> str:
     for axis, file in turned:
         upright = Tree(file.parse(), file)
         wheels, _ = rolling_wheels(upright)
-        for one, other in pairs_of(wheels)[: len(wheels) > standing]:
-            axle = 0.5 * (one.joint.centre + other.joint.centre)
-            if _middle(upright) > axle[2]:
-                across = "xyz"[int(np.argmax(np.abs(axes[one.name])))]
-                return (
-                    f"the root link lies on its side (wheel axes about {across}): {one.name} and "
-                    f"{other.name} would roll with its {axis} axis up; give --up {axis}"
-                )
+        pairs = pairs_of(wheels)
+        if len(wheels) <= standing or not (pairs or len(wheels) >= 3):
+            continue
+        one, other = pairs[0] if pairs else (wheels[0], wheels[1])
+        if _middle(upright) > 0.5 * (one.joint.centre + other.joint.centre)[2]:
+            about = "xyz"[int(np.argmax(np.abs(axes[one.name])))]
+            axles = f" (wheel axes about {about})" if pairs else ""
+            return (
+                f"the root link lies on its side{axles}: {one.name} and {other.name} would roll "
+                f"with its {axis} axis up; give --up {axis}"
+            )
     return ""
 
 
