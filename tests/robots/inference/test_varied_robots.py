@@ -167,8 +167,8 @@ def seeded(seed: int, folder) -> Varied:
     return Varied(seed, folder, bases[seed % len(bases)], faults[(seed // 2) % len(faults)])
 
 
-# once missed: a turret narrower than its wheels are long, three omni wheels on their side, names of wheels
-# against the arm and the root link
+# Once missed: a turret narrower than its wheels are long, three omni wheels on their side, names of
+# wheels against the arm and the root link.
 @pytest.mark.parametrize("seed", [*range(FEW), 44, 87, 708])
 def test_a_varied_robot_is_taken_truly_or_asked_about(tmp_path, seed):
     tried(seeded(seed, tmp_path))
