@@ -7,13 +7,34 @@ import pkgutil
 import sys
 import warnings
 from collections.abc import Callable
-from importlib.metadata import EntryPoint, entry_points
+from functools import lru_cache
+from importlib import metadata
+from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
 from mobman.errors import FOREIGN_ERRORS, UnknownNameError
 
 T = TypeVar("T")
 D = TypeVar("D")
+
+
+def entry_points(group: str) -> tuple[EntryPoint, ...]:
+    """Find a group's entry points, once until a folder of ``sys.path`` changes: to read those of all
+    packages takes some ten milliseconds."""
+    return _entry_points(group, tuple((folder, _changed(folder)) for folder in sys.path))
+
+
+@lru_cache(maxsize=32)
+def _entry_points(group: str, folders: tuple[tuple[str, int], ...]) -> tuple[EntryPoint, ...]:
+    return tuple(metadata.entry_points(group=group))
+
+
+def _changed(folder: str) -> int:
+    try:
+        return Path(folder).stat().st_mtime_ns
+    except OSError:
+        return 0
 
 
 class Registry(Generic[T]):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from mobman.benchmark.expand import number_of_runs, runs_of
 from mobman.benchmark.suite_tables import SuiteTables
 from mobman.display import Displayed, Shown
 from mobman.errors import FOREIGN_ERRORS, SpecError
+from mobman.registry import entry_points
 from mobman.resources import resource_folder
 from mobman.simulation.run_spec import RunSpec
 from mobman.toml_lines import TomlLines

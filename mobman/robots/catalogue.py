@@ -8,11 +8,12 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields
 from functools import lru_cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 from mobman.errors import FOREIGN_ERRORS, SpecError, UnknownNameError, UsageError
+from mobman.registry import entry_points
 from mobman.robots.incoming.describe import describe
 from mobman.robots.incoming.incoming import URDF_ENDINGS
 from mobman.robots.infer.findings import Options, Undecided
