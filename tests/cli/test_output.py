@@ -117,7 +117,9 @@ def test_an_internal_error_has_its_traceback_with_v(monkeypatch):
         "robots",
         "robots check --no-simulation turtlebot3_omx",
         "bench list",
-        "bench show robustness",
+        "bench show paper",
+        # its runs begin where 16 searches along a path lead
+        pytest.param("bench show robustness", marks=pytest.mark.slow),
         "controllers tsm",
         "tasks lissajous",
         "scenarios realistic",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import gc
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 from unittest.mock import patch
@@ -24,9 +24,16 @@ from support.task_errors import errors_of
 def only_mobmans_own():
     """Nothing is registered but what mobman brings: other tests of this process may have added to it."""
     with contextlib.ExitStack() as stack:
-        for thing in gc.get_objects():
-            if issubclass(type(thing), Registry):  # isinstance asks proxies of what is gone
-                stack.enter_context(patch.object(thing, "_items", {}))
+        modules = [module for name, module in sys.modules.items() if name.startswith("mobman.")]
+        # once each, wherever it is imported
+        registries = {
+            id(thing): thing
+            for module in modules
+            for thing in vars(module).values()
+            if isinstance(thing, Registry)
+        }
+        for registry in registries.values():
+            stack.enter_context(patch.object(registry, "_items", {}))
         stack.enter_context(patch.object(catalogue, "_registered", {}))
         yield
 
