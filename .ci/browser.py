@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 
-from mobman.viewer.pictures import BrowserError, BrowserMissingError, browser
+from mobman.viewer.page import BrowserError, BrowserMissingError, browser
 
 Commands = list[list[str]]
 

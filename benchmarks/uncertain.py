@@ -21,9 +21,9 @@ from numba import njit
 import mobman as mm
 from mobman.arrays import Array
 from mobman.controllers.task_errors import TaskSpace
+from mobman.files import resource_folder
 from mobman.model.criterion import Posture
 from mobman.model.metric import base_metric
-from mobman.resources import resource_folder
 from mobman.simulation.pieces import Setting
 
 LAWS = (

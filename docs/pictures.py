@@ -20,8 +20,9 @@ from mobman.benchmark.report.data import read_results
 from mobman.benchmark.report.standings import board_of
 from mobman.benchmark.store import Store
 from mobman.figures.charts import Curve, thin, time_chart
-from mobman.figures.files import beside, drawn, write_all
+from mobman.figures.files import beside, drawn
 from mobman.figures.looks import LAWS, looks_of
+from mobman.files import write_all
 from mobman.viewer.view import View, make_scene
 
 

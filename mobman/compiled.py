@@ -23,7 +23,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
 from functools import cache, cached_property, partial
 from importlib.metadata import version
@@ -71,10 +71,9 @@ def _njit(function: Any, *signatures: str, **options: Any) -> Any:
     before = numba.config.CACHE_DIR  # where others keep theirs is not changed
     numba.config.CACHE_DIR = str(kernel_folder())
     try:
-        compiled: Any = numba.njit(*signatures, **options)(function)
+        return numba.njit(*signatures, **options)(function)
     finally:
         numba.config.CACHE_DIR = before
-    return compiled
 
 
 class BoundKernels:
@@ -95,22 +94,25 @@ class BoundKernels:
 
     @cached_property
     def joined(self) -> Callable[[], int]:
-        """The same as one compiled function.
-
-        To unpack an array from its Python object takes as long as a short kernel, so that function is
-        given a table of where the arrays are and how long, and makes arrays of it again.
-        """
-        written = _Written()
-        for function, given in self.calls:
-            written.add(function, given)
-        run: Any = _machine_code(*written.compiled())
+        """The same as one compiled function; see :func:`_written`."""
+        run: Any = _machine_code(*_written(self.calls))
         run.entry = self  # which keeps the arrays
         return cast(Callable[[], int], run)
 
 
 def _machine_code(function: Any, arguments: tuple[Any, ...]) -> Callable[[], Any]:
     types = tuple(map(numba.typeof, arguments))
-    _compile(function, types)
+    file = Path(plain(function).__code__.co_filename)
+    if unsafe() or f"{file.stem}.{function.__qualname__}" not in _kept():
+        _say_that_it_takes_time()
+    try:
+        function.compile(types)
+    except numba.NumbaError:
+        raise
+    except Exception:  # whatever unpickling half a file may raise
+        for kept in kernel_folder().rglob("*.nb?"):
+            kept.unlink(missing_ok=True)
+        function.compile(types)
     # behind the dispatcher, which would look at the arguments' types at every call
     return partial(function.get_overload(types), *arguments)
 
@@ -134,15 +136,28 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
         raise TypeError(
             f"kernel {function.__name__!r} takes {len(names)} arguments; given: {len(arguments)}"
         )
-    for name, argument in zip(names, arguments, strict=True):
-        if not _fits(argument):
+    for name, given in zip(names, arguments, strict=True):
+        if not _fits(given):
+            found = repr(given)
+            if isinstance(given, np.ndarray):
+                kind, strides = f"{given.dtype} of shape {given.shape}", given.strides
+                found = f"an array of {kind} with strides {strides}"
             raise TypeError(
-                f"kernel {function.__name__!r}: argument {name!r} is {_described(argument)}; needed: a "
-                "number, or a contiguous array of float64 or int64 that can be written to"
+                f"kernel {function.__name__!r}: argument {name!r} is {found}; needed: a number, or a "
+                "contiguous array of float64 or int64 that can be written to"
             )
     if PACKAGE in Path(plain(dispatcher).__code__.co_filename).parents:
         return BoundKernels((dispatcher, arguments))
     return _machine_code(dispatcher, arguments)
+
+
+def _fits(argument: Any) -> bool:
+    if isinstance(argument, tuple):
+        return all(map(_fits, argument))
+    if not isinstance(argument, np.ndarray):
+        return isinstance(argument, (int, float, np.integer, np.floating))
+    flags, known = argument.flags, argument.dtype in _TYPES or argument.dtype.names is not None
+    return known and flags.forc and flags.aligned and flags.writeable
 
 
 _joining: ContextVar[bool] = ContextVar("_joining", default=False)
@@ -183,61 +198,56 @@ def sequence(*entries: Callable[[], Any]) -> Callable[[], int]:
     return run
 
 
-class _Written:
-    """The text of a function that calls kernels, and its arguments."""
+def _written(calls: Sequence[tuple[Any, tuple[Any, ...]]]) -> tuple[Any, tuple[Any, ...]]:
+    """A kernel that calls others, and its arguments.
 
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self.names: dict[str, Any] = {}
-        self.arrays: dict[int, Any] = {}
-        self.others: list[Any] = []  # numbers, records, and arrays without an entry
+    To unpack an array from its Python object takes as long as a short kernel, so that it is given a
+    table of where the arrays are and how long, and makes arrays of it again.
+    """
+    names: dict[str, Any] = {}
+    found: dict[int, Any] = {}  # arrays
+    others: list[Any] = []  # numbers, records, and arrays without an entry
 
-    def add(self, function: Any, given: tuple[Any, ...]) -> None:
-        line = f"{self._name(function)}({', '.join(map(self._text, given))})"
-        if inspect.signature(function).return_annotation == "None":
-            self.lines += [line]
-        else:
-            self.lines += [f"status = {line}", "if status != 0:", "    return status"]
-
-    def compiled(self) -> tuple[Any, tuple[Any, ...]]:
-        """The function as a kernel, and what to call it with."""
-        arrays = list(self.arrays.values())
-        # all others are behind it in memory
-        first = min(arrays, key=lambda array: array.ctypes.data, default=np.zeros(1)).ravel("K")
-        head: list[str] = []
-        table: list[int] = []
-        for array in arrays:
-            n = len(table)
-            place = f"first.ctypes, table[{n}]"
-            sizes = "".join(f", table[{n + i}]" for i in range(1, array.ndim + 1))
-            if array.ndim > 1:
-                place = f"_vector({place}, 1).ctypes"
-            view = (
-                "_columns"
-                if not array.flags.c_contiguous
-                else _BY_ROWS[array.ndim, array.dtype.kind]
-            )
-            head.append(f"a{len(head)} = {view}({place}{sizes})")
-            table += [(array.ctypes.data - first.ctypes.data) // 8, *array.shape]
-        others = "".join(f", b{i}" for i in range(len(self.others)))
-        source = "\n    ".join([f"(first, table{others}):", *head, *self.lines, "return 0\n"])
-        arguments = (first.view(np.float64), np.array(table, dtype=np.int64), *self.others)
-        return _kernel_of(source, tuple(self.names.items())), arguments
-
-    def _name(self, one: Any) -> str:
+    def named(one: Any) -> str:
         name = f"{one.__module__}.{one.__qualname__}".replace(".", "_")
-        self.names[name] = one
+        names[name] = one
         return name
 
-    def _text(self, value: Any) -> str:
+    def text(value: Any) -> str:
         if isinstance(value, tuple):
-            inside = "".join(f"{self._text(part)}, " for part in value)
-            return f"{self._name(type(value)) if hasattr(value, '_fields') else ''}({inside})"
+            inside = "".join(f"{text(part)}, " for part in value)
+            return f"{named(type(value)) if hasattr(value, '_fields') else ''}({inside})"
         if isinstance(value, np.ndarray) and value.dtype in _TYPES and value.size:
-            self.arrays.setdefault(id(value), value)
-            return f"a{list(self.arrays).index(id(value))}"
-        self.others.append(value)
-        return f"b{len(self.others) - 1}"
+            found.setdefault(id(value), value)
+            return f"a{list(found).index(id(value))}"
+        others.append(value)
+        return f"b{len(others) - 1}"
+
+    lines: list[str] = []
+    for function, given in calls:
+        line = f"{named(function)}({', '.join(map(text, given))})"
+        if inspect.signature(function).return_annotation == "None":
+            lines += [line]
+        else:
+            lines += [f"status = {line}", "if status != 0:", "    return status"]
+    arrays = list(found.values())
+    # all others are behind it in memory
+    first = min(arrays, key=lambda array: array.ctypes.data, default=np.zeros(1)).ravel("K")
+    head: list[str] = []
+    table: list[int] = []
+    for array in arrays:
+        n = len(table)
+        place = f"first.ctypes, table[{n}]"
+        sizes = "".join(f", table[{n + i}]" for i in range(1, array.ndim + 1))
+        if array.ndim > 1:
+            place = f"_vector({place}, 1).ctypes"
+        rows = _BY_ROWS[array.ndim, array.dtype.kind] if array.flags.c_contiguous else "_columns"
+        head.append(f"a{len(head)} = {rows}({place}{sizes})")
+        table += [(array.ctypes.data - first.ctypes.data) // 8, *array.shape]
+    rest = "".join(f", b{i}" for i in range(len(others)))
+    source = "\n    ".join([f"(first, table{rest}):", *head, *lines, "return 0\n"])
+    arguments = (first.view(np.float64), np.array(table, dtype=np.int64), *others)
+    return _kernel_of(source, tuple(names.items())), arguments
 
 
 _BY_ROWS = {(1, "f"): "_vector", (2, "f"): "_matrix", (3, "f"): "_tensor", (1, "i"): "_index"}
@@ -303,34 +313,6 @@ def plain(function: Function) -> Function:
 def is_compiled(function: object) -> bool:
     """True for a kernel, unless compilation is switched off."""
     return hasattr(function, "get_overload")
-
-
-def _fits(argument: Any) -> bool:
-    if isinstance(argument, tuple):
-        return all(map(_fits, argument))
-    if not isinstance(argument, np.ndarray):
-        return isinstance(argument, (int, float, np.integer, np.floating))
-    flags, known = argument.flags, argument.dtype in _TYPES or argument.dtype.names is not None
-    return known and flags.forc and flags.aligned and flags.writeable
-
-
-def _described(argument: Any) -> str:
-    if not isinstance(argument, np.ndarray):
-        return repr(argument)
-    shape, strides = argument.shape, argument.strides
-    return f"an array of {argument.dtype} of shape {shape} with strides {strides}"
-
-
-def _compile(function: Any, types: tuple[Any, ...]) -> None:
-    _announce(function)
-    try:
-        function.compile(types)
-    except numba.NumbaError:
-        raise
-    except Exception:  # whatever unpickling half a file may raise
-        for file in kernel_folder().rglob("*.nb?"):
-            file.unlink(missing_ok=True)
-        function.compile(types)
 
 
 def _calls_other_files(function: Callable[..., Any]) -> bool:
@@ -414,24 +396,15 @@ def anything_kept() -> bool:
     return bool(_kept())
 
 
-def _announce(function: Any) -> None:
-    file = Path(plain(function).__code__.co_filename)
-    if unsafe() or f"{file.stem}.{function.__qualname__}" not in _kept():
-        _say_that_it_takes_time()
-
-
 @cache
 def _say_that_it_takes_time() -> None:
     """Say, once a process, why the first call takes its time."""
-    reason = unsafe()
-    some = anything_kept() and not reason
-    which = "those that were not used before" if some else "once, it takes about half a minute"
-    print(
-        f"mobman: compiling its kernels for this machine; {which}"
-        + ("" if reason else f" (kept in {kernel_folder()})"),
-        file=sys.stderr,
-        flush=True,
-    )
+    reason, which = unsafe(), "once, it takes about half a minute"
+    if anything_kept() and not reason:
+        which = "those that were not used before"
+    where = "" if reason else f" (kept in {kernel_folder()})"
+    what = f"mobman: compiling its kernels for this machine; {which}{where}"
+    print(what, file=sys.stderr, flush=True)
     if reason:
         warnings.warn(
             f"mobman's compiled kernels cannot be kept in {kernel_folder()} ({reason}); every process "

@@ -1,12 +1,21 @@
-"""Representations of objects: one line at a prompt, a table in a notebook."""
+"""Representations of objects, one line at a prompt, a table in a notebook; and text of other people,
+without what would steer a terminal or hide text."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from html import escape
 from typing import NamedTuple
 
-from mobman.printable import printable
+_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that steer a terminal (all control characters but newline and tab), that reverse the order
+of text, or that have no encoding."""
+
+
+def printable(text: str) -> str:
+    r"""Escape control characters, as in ``\x1b``: names and messages come from files of other people."""
+    return _UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 class Shown(NamedTuple):
@@ -28,17 +37,16 @@ class Displayed:
         return " ".join(printable(self._shown().line).split())
 
     def _repr_html_(self) -> str:
+        def text(value: object) -> str:
+            return escape(printable(f"{value:.6g}" if isinstance(value, float) else str(value)))
+
         line, facts = self._shown()
+        left = "style='text-align:left'"
         rows = "".join(
-            f"<tr><th style='text-align:left'>{_text(name)}</th>"
-            f"<td style='text-align:left'>{_text(value)}</td></tr>"
+            f"<tr><th {left}>{text(name)}</th><td {left}>{text(value)}</td></tr>"
             for name, value in facts.items()
         )
-        return f"<table><caption>{_text(line)}</caption><tbody>{rows}</tbody></table>"
-
-
-def _text(value: object) -> str:
-    return escape(printable(f"{value:.6g}" if isinstance(value, float) else str(value)))
+        return f"<table><caption>{text(line)}</caption><tbody>{rows}</tbody></table>"
 
 
 def line_of(kind: str, name: str, given: Mapping[str, object]) -> str:

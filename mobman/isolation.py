@@ -59,13 +59,10 @@ class Helper:
             MobmanError: As the function does; other exceptions arrive as :class:`Crash`.
             Crash: If the helper ended, or took more time or memory.
         """
-        request = [function, list(arguments), seconds, megabytes]
         with self._lock:
             try:
                 process = self._started()
-                assert process.stdin is not None
-                assert process.stdout is not None
-                _send(process.stdin, request)
+                _send(process.stdin, [function, list(arguments), seconds, megabytes])
                 answer = _receive(process.stdout)
             except (EOFError, BrokenPipeError):
                 raise Crash(self._reason(seconds)) from None
@@ -78,9 +75,8 @@ class Helper:
             return answer["result"]
         module, name = answer["error"]
         # the helper reads hostile files: what it answers is not taken for the name of just anything
-        if not module.startswith("mobman."):
-            raise Crash(f"its reader answers with {module}.{name}")
-        kind = getattr(importlib.import_module(module), name)
+        own = module.startswith("mobman.")
+        kind = getattr(importlib.import_module(module), name) if own else None
         if not (isinstance(kind, type) and issubclass(kind, MobmanError)):
             raise Crash(f"its reader answers with {module}.{name}")
         raise kind(answer["message"])
@@ -134,11 +130,8 @@ if hasattr(os, "register_at_fork"):
 
 
 def limits(path: Path, *, seconds: float, per_megabyte: float) -> tuple[float, float]:
-    """The size of a file (MB), and the processor time that reading it may take (s).
-
-    Raises:
-        OSError: If there is no such file.
-    """
+    """The size of a file (MB), and the processor time that reading it may take (s); OSError if there is
+    none."""
     size = path.stat().st_size / 1e6
     return size, seconds + per_megabyte * size
 
@@ -149,30 +142,25 @@ def serve() -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     for number in (0, 1):  # libraries print to them
         os.dup2(nowhere, number)
-    while True:
-        try:
-            function, arguments, seconds, megabytes = _receive(source)
-        except EOFError:
-            return
-        _send(target, _answer(function, arguments, seconds, megabytes))
+    with contextlib.suppress(EOFError):
+        while True:
+            _send(target, _answer(*_receive(source)))
 
 
-def _answer(
-    function: str, arguments: list[Any], seconds: float, megabytes: float
-) -> dict[str, Any]:
+def _answer(function: str, arguments: list[Any], seconds: float, megabytes: float) -> Any:
     module, _, name = function.partition(":")
+    kind: type[MobmanError] = Crash
     try:
         found: Callable[..., Any] = getattr(importlib.import_module(module), name)
         with _limited(seconds, megabytes):
             return {"result": found(*arguments)}
     except MobmanError as error:
-        kind = type(error)
-        return {"error": [kind.__module__, kind.__name__], "message": str(error)}
+        kind, text = type(error), str(error)
     except MemoryError:
         text = f"it takes more than {megabytes:.0f} MB of memory"
     except Exception as error:
         text = " ".join(f"{type(error).__name__}: {error}".split())
-    return {"error": [Crash.__module__, Crash.__name__], "message": text}
+    return {"error": [kind.__module__, kind.__name__], "message": text}
 
 
 @contextlib.contextmanager
@@ -231,11 +219,7 @@ def _send(stream: Any, value: Any) -> None:
 
 
 def _receive(stream: Any) -> Any:
-    """The value that :func:`_send` was given.
-
-    Raises:
-        EOFError: If the stream ends before.
-    """
+    """The value that :func:`_send` was given; EOFError if the stream ends before."""
 
     def value(item: Any) -> Any:
         if isinstance(item, list):
@@ -256,10 +240,6 @@ def _receive(stream: Any) -> Any:
 
 def _read(stream: Any, size: int) -> bytearray:
     content = bytearray(size)  # which makes arrays that can be written
-    view, done = memoryview(content), 0
-    while done < size:
-        count = stream.readinto(view[done:])
-        if not count:
-            raise EOFError
-        done += count
+    if stream.readinto(content) < size:
+        raise EOFError
     return content

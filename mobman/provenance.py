@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -11,8 +12,6 @@ from pathlib import Path
 from mobman.version import __version__
 
 _LIBRARIES = ("pin", "example-robot-data", "numpy", "scipy", "numba", "h5py", "daqp")
-
-
 COMPUTING = ("mobman", "source", "python", "pin", "numpy", "scipy", "numba")
 """Those of them that may change a run's last bits; the robots' URDFs are in the records."""
 
@@ -46,18 +45,10 @@ def machine() -> dict[str, str]:
 @cache
 def _machine() -> dict[str, str]:
     library = " ".join(platform.libc_ver()).strip() or platform.release()
-    return {
-        "processor": _processor(),
-        "architecture": platform.machine(),
-        "system": f"{platform.system()} ({library})",
-    }
-
-
-def _processor() -> str:
-    try:  # where there is such a file, it says more than `platform`
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor()
+    processor = platform.processor()
+    with suppress(OSError):  # where there is such a file, it says more
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+        processor = next(named, processor)
+    system = f"{platform.system()} ({library})"
+    return {"processor": processor, "architecture": platform.machine(), "system": system}

@@ -67,13 +67,8 @@ class Registry(Generic[T]):
     @overload
     def register(self, name: str, item: T, *, module: str | None = None) -> T: ...
     def register(self, name: str, item: Any = None, *, module: str | None = None) -> Any:
-        """Add ``item`` under ``name``, replacing what had the name.
-
-        Args:
-            name: The name.
-            item: The thing; without it, a decorator that adds what it decorates is returned.
-            module: Module that defines the thing; that of the caller by default.
-        """
+        """Add ``item`` under ``name``, replacing what had the name; without it, return a decorator that
+        adds what it decorates. ``module`` defines the thing, by default that of the caller."""
         module = module or str(sys._getframe(1).f_globals.get("__name__"))
         # a later import of the package's modules must not replace what others have registered
         table = self._own if module.startswith(f"{self._package}.") else self._items
@@ -111,11 +106,7 @@ class Registry(Generic[T]):
         return dict(self._own)
 
     def get(self, name: str) -> T:
-        """The thing of that name.
-
-        Raises:
-            UnknownNameError: If there is none; the message gives the nearest names.
-        """
+        """The thing of that name; UnknownNameError, with the nearest names, if there is none."""
         if name not in self._items and name not in self._own:
             self._discover()
         if name not in self._items and name in self._own:
@@ -126,10 +117,9 @@ class Registry(Generic[T]):
                 # what the package's own code registered is the thing: a decorator may give another
                 self._items.setdefault(name, loaded)
             except FOREIGN_ERRORS as error:  # another package's fault must not take mobman down
-                warnings.warn(
-                    f"{self.kind} {name!r} of {plugins[name].value} is left out: {error!r}",
-                    stacklevel=2,
-                )
+                source = plugins[name].value
+                message = f"{self.kind} {name!r} of {source} is left out: {error!r}"
+                warnings.warn(message, stacklevel=2)
         if name not in self._items:
             # a broken package's name is no choice
             raise UnknownNameError(self.kind, str(name), set(self.names()) - {name})

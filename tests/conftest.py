@@ -18,8 +18,8 @@ os.environ["XDG_DATA_HOME"] = tempfile.mkdtemp(prefix="mobman-tests-")
 from support.swept import ONE_OF_EACH, PLATFORM, swept
 
 import mobman as mm
-from mobman.viewer.pictures import BrowserError, BrowserMissingError
-from mobman.viewer.pictures import browser as running_browser
+from mobman.viewer.page import BrowserError, BrowserMissingError
+from mobman.viewer.page import browser as running_browser
 
 # Folders and files whose tests wait for browsers and other processes. They start first: a file of
 # theirs that starts last would keep one worker busy long after the others have ended.

@@ -9,7 +9,7 @@ from support.command_line import mobman
 
 import mobman as mm
 from mobman.errors import SpecError
-from mobman.toml_lines import TomlLines
+from mobman.toml_model import TomlLines
 
 TEXT = '''schema = 1
 name = "suite"  # groups = 3

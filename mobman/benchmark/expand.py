@@ -22,8 +22,7 @@ from mobman.simulation.placements import placements
 from mobman.simulation.run_spec import RunSpec, fingerprint, foreign_code_sha256
 from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
 from mobman.tasks.task import check_parameters, task_parameters, tasks
-from mobman.toml_lines import Place, TomlLines
-from mobman.toml_model import at_lines
+from mobman.toml_model import Place, TomlLines, at_lines
 
 MOST_RUNS = 100_000
 """Runs of a group: what is held in memory of a suite, and listed, grows with them."""

@@ -11,8 +11,7 @@ from typing import Any
 
 from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError, SpecError
-from mobman.files import write_whole
-from mobman.input_file import read_within
+from mobman.files import read_within, write_whole
 from mobman.simulation.run_spec import RunSpec
 
 SCHEMA_VERSION = 3

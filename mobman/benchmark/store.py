@@ -19,8 +19,7 @@ import numpy as np
 from mobman.benchmark.manifest import NAME, SCHEMA_VERSION, Manifest, read_manifest
 from mobman.benchmark.suite import Suite
 from mobman.errors import MobmanError, RecordError, SpecError, UsageError
-from mobman.files import as_path, is_abandoned, sync_folder, write_whole
-from mobman.input_file import check_within, read_within
+from mobman.files import as_path, check_within, is_abandoned, read_within, sync_folder, write_whole
 from mobman.provenance import COMPUTING, versions
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
 from mobman.simulation.run_spec import RunSpec

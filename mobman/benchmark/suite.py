@@ -11,11 +11,10 @@ from mobman.benchmark.expand import number_of_runs, runs_of
 from mobman.benchmark.suite_tables import SuiteTables
 from mobman.display import Displayed, Shown
 from mobman.errors import FOREIGN_ERRORS, SpecError
+from mobman.files import resource_folder
 from mobman.registry import entry_points
-from mobman.resources import resource_folder
 from mobman.simulation.run_spec import RunSpec
-from mobman.toml_lines import TomlLines
-from mobman.toml_model import named_file, read_toml, validate
+from mobman.toml_model import TomlLines, named_file, read_toml, validate
 
 
 class Suite(Displayed, SuiteTables):

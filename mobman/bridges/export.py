@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from mobman.bridges.mcap_file import mcap_content
+from mobman.bridges.mjcf_file import mjcf_content
 from mobman.errors import MobmanError, UsageError
-from mobman.figures.files import write_all
-from mobman.files import as_path
+from mobman.files import as_path, write_all
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.record import Record, load_record
@@ -47,20 +47,29 @@ def export(what: Record | MobileManipulator | str | os.PathLike[str], path: Any)
         elif suffix == ".xml":
             what = load_robot(what)
     record = what if isinstance(what, Record) else None
+    robot = what if isinstance(what, MobileManipulator) else None
+    problem, remarks = f"{what!r}", tuple[str, ...]()
     if record is None and suffix != ".xml":
         raise UsageError(f"{what!r} is no record, which a {suffix} file is made of")
-    robot, problem = (what, "") if isinstance(what, MobileManipulator) else (None, f"{what!r}")
-    remarks: tuple[str, ...] = ()
     if record is not None and suffix != ".csv":
         robot, problem = robot_of_run(record, folder)
     if record is not None and suffix == ".csv":
-        content = import_module("mobman.bridges.csv_file").csv_content(record)
-    elif suffix == ".mcap":
-        content, remarks = import_module("mobman.bridges.mcap_file").mcap_content(record, robot)
+        content = csv_content(record)
+    elif record is not None and suffix == ".mcap":
+        content, remarks = mcap_content(record, robot)
         remarks += (f"the robot is left out: {problem}",) if robot is None else ()
     elif robot is not None:
-        content, remarks = import_module("mobman.bridges.mjcf_file").mjcf_content(robot)
+        content, remarks = mjcf_content(robot)
     else:
         raise MobmanError(f"there is no robot to write: {problem}")
     write_all({file: content})
     return remarks
+
+
+def csv_content(record: Record) -> bytes:
+    """The content of a file with a row a sample, and columns as :meth:`mobman.Record.to_pandas` names
+    them, with units: ``t [s]``, ``torque/alpha_1 [N m or N]``. Numbers come back to the last bit."""
+    frame = record.to_pandas()
+    units = {name: f"{name} [{unit}]" for name, (_, unit) in frame.attrs["places"].items()}
+    text = frame.rename(columns=units).to_csv(index_label="t [s]", lineterminator="\n")
+    return bytes(text.encode())

@@ -123,7 +123,6 @@ class TrackingEnv(gymnasium.Env[Array, Any]):
 
     def _go_on(self) -> bool:
         """Go to the next tick and observe it; True if the run ends before."""
-        samples = self.loop.samples
         try:
             with np.errstate(all="ignore"):
                 q, z, _ = next(self._ahead)
@@ -131,7 +130,7 @@ class TrackingEnv(gymnasium.Env[Array, Any]):
         except StopIteration:
             return True
         except SingularityError as error:
-            samples.status, samples.message = "singular", str(error)
+            self.loop.samples.status, self.loop.samples.message = "singular", str(error)
             return True
         self._tick += 1
         return False

@@ -74,7 +74,13 @@ def mcap_content(record: Record, robot: MobileManipulator | None) -> tuple[bytes
             continue
         poses = {"tip": robot.tip_pose(record.q[k])}
         joints = dict(zip(robot.model.names, robot.data.oMi, strict=True))
-        write("/tf", "foxglove.FrameTransforms", t, _transforms(joints, t))
+        transforms = []
+        for name, place in list(joints.items())[1:]:  # the first is the universe
+            pose = _pose(place)
+            ends = {"timestamp": _time(t), "parent_frame_id": _WORLD, "child_frame_id": str(name)}
+            moved = {"translation": pose["position"], "rotation": pose["orientation"]}
+            transforms.append({**ends, **moved})
+        write("/tf", "foxglove.FrameTransforms", t, {"transforms": transforms})
         if base := robot.platform.base_joints:
             poses["base"] = joints[base[-1]]
         for name, pose in poses.items():
@@ -84,27 +90,18 @@ def mcap_content(record: Record, robot: MobileManipulator | None) -> tuple[bytes
     return output.getvalue(), tuple(warnings)
 
 
-def _transforms(joints: dict[str, pin.SE3], t: float) -> dict[str, Any]:
-    """The frames of all joints but the first, the universe."""
-    found = []
-    for name, place in list(joints.items())[1:]:
-        pose = _pose(place)
-        ends = {"timestamp": _time(t), "parent_frame_id": _WORLD, "child_frame_id": str(name)}
-        found.append({**ends, "translation": pose["position"], "rotation": pose["orientation"]})
-    return {"transforms": found}
-
-
 def _entity(part: Part, model: pin.Model) -> dict[str, Any]:
     """A shape of the robot, which moves with its joint's frame."""
-    shape, more = part.shape, dict[str, Any](pose=_pose(part.placement), color=_colour(part.colour))
+    shape, kind = part.shape, "triangles"
+    more: dict[str, Any] = {"pose": _pose(part.placement), "color": _named("rgba", part.colour)}
     if isinstance(shape, Surface):
-        kind, colours = "triangles", shape.vertex_colours
+        colours = shape.vertex_colours
         shades = np.zeros((0, 3)) if colours is None else colours[:, :3] / 255.0
-        more["colors"] = [_colour((*shade, 1.0)) for shade in shades]
-        more["points"] = [_vector(vertex) for vertex in shape.vertices]
+        more["colors"] = [_named("rgba", (*shade, 1.0)) for shade in shades]
+        more["points"] = [_named("xyz", vertex) for vertex in shape.vertices]
         more["indices"] = shape.faces.ravel().tolist()
     else:
-        kind, more["size"] = _KINDS[shape.type], _vector(shape.size)
+        kind, more["size"] = _KINDS[shape.type], _named("xyz", shape.size)
         more |= {"bottom_scale": 1.0, "top_scale": 1.0} if kind == "cylinders" else {}
     frame = str(model.names[part.joint]) if part.joint else _WORLD
     head = {"timestamp": _time(0.0), "frame_id": frame, "id": part.name, "lifetime": _time(0.0)}
@@ -125,15 +122,10 @@ def _time(t: float) -> dict[str, int]:
     return dict(zip(("sec", "nsec"), divmod(round(t * 1e9), 10**9), strict=True))
 
 
-def _vector(values: Any) -> dict[str, float]:
-    return dict(zip("xyz", map(float, values), strict=True))
-
-
-def _colour(values: Any) -> dict[str, float]:
-    return dict(zip("rgba", map(float, values), strict=True))
+def _named(letters: str, values: Any) -> dict[str, float]:
+    return dict(zip(letters, map(float, values), strict=True))
 
 
 def _pose(place: pin.SE3) -> dict[str, Any]:
-    turn = pin.Quaternion(place.rotation).coeffs().tolist()
-    orientation = dict(zip("xyzw", turn, strict=True))
-    return {"position": _vector(place.translation), "orientation": orientation}
+    turn = _named("xyzw", pin.Quaternion(place.rotation).coeffs())
+    return {"position": _named("xyz", place.translation), "orientation": turn}

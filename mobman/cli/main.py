@@ -16,13 +16,13 @@ import warnings
 import click
 from click.shell_completion import shell_complete
 
-from mobman.cli import names
 from mobman.cli.bench import bench
-from mobman.cli.export import export
-from mobman.cli.output import echo, level
+from mobman.cli.names import COMMANDS
+from mobman.cli.options import level
+from mobman.cli.output import echo, note
 from mobman.cli.robots import robots
 from mobman.cli.run import rerun, run
-from mobman.cli.view import view
+from mobman.cli.view import export, view
 from mobman.errors import MobmanError, SpecError
 from mobman.version import __version__
 
@@ -31,21 +31,16 @@ _MOST_FAULTS = 40
 _LINE = re.compile(r"line \d+: ")
 _COMPLETE = "_MOBMAN_COMPLETE"
 """Variable by which shells ask for completion: ``bash_source``, ``zsh_source``, ``fish_source``."""
+_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100, "show_default": True}
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(context_settings=_SETTINGS)
 @click.version_option(__version__, "--version", prog_name="mobman", message="%(prog)s %(version)s")
 def mobman() -> None:
     """Control of non-holonomic mobile manipulators: robots, runs and benchmarks."""
 
 
-mobman.add_command(robots)
-mobman.add_command(run)
-mobman.add_command(rerun)
-mobman.add_command(bench)
-mobman.add_command(export)
-mobman.add_command(view)
-for _command in names.COMMANDS:
+for _command in (robots, run, rerun, bench, export, view, *COMMANDS):
     mobman.add_command(_command)
 
 
@@ -73,29 +68,28 @@ def main() -> None:
         sys.exit(error.exit_code)
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "mobman"
-        _fail(f"{error.format_message()} (see {command} --help)", error.exit_code)
+        _fail(error.exit_code, f"{error.format_message()} (see {command} --help)")
     except click.ClickException as error:
-        _fail(error.format_message(), error.exit_code)
+        _fail(error.exit_code, error.format_message())
     except MobmanError as error:
-        _fail(_by_lines(error), error.exit_status)
+        _fail(error.exit_status, *_by_lines(error))
     except (KeyboardInterrupt, click.Abort):
-        _fail("interrupted", 130)
+        _fail(130, "interrupted")
     except BrokenPipeError:
         # `mobman ... | head`: the reader has what it wanted
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except OSError as error:
-        _fail(str(error), 1)
+        _fail(1, str(error))
     except BaseException as error:  # a plugin may raise anything, also SystemExit
         if level(context) > 0 or os.environ.get("MOBMAN_DEBUG"):
             traceback.print_exc()
-        _fail(f"internal error: {type(error).__name__}: {error} (-v prints the traceback)", 1)
+        _fail(1, f"internal error: {type(error).__name__}: {error} (-v prints the traceback)")
 
 
 def _complete(instruction: str) -> int:
     """Print a shell's script for completion, or what it is to offer; give the exit status."""
-    shell, _, what = instruction.partition("_")
-    if shell not in ("bash", "zsh", "fish") or what not in ("source", "complete"):
+    if not re.fullmatch("(bash|zsh|fish)_(source|complete)", instruction):
         raise click.UsageError(
             f"{_COMPLETE} is {instruction!r}; allowed: bash_source, zsh_source, fish_source"
         )
@@ -104,28 +98,22 @@ def _complete(instruction: str) -> int:
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     if level() >= 0:
-        echo(f"mobman: warning: {' '.join(str(message).split())}", err=True)
+        note(f"warning: {message}")
 
 
-def _by_lines(error: MobmanError) -> str | list[str]:
+def _by_lines(error: MobmanError) -> list[str]:
     """The message; in several lines, where it is of faults on lines of a file."""
     faults = error.faults if isinstance(error, SpecError) else ()
     if not isinstance(error, SpecError) or len(faults) < 2 or not any(map(_LINE.match, faults)):
-        return str(error)
+        return [str(error)]
     more = [f"and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
     return [f"{error.heading}: {len(faults)} faults", *faults[:_MOST_FAULTS], *more]
 
 
-def _fail(message: str | list[str], status: int) -> None:
-    first, *others = [message] if isinstance(message, str) else message
-    echo(f"mobman: {_in_one_line(first)}", err=True)
-    for other in others:
-        echo(f"  {_in_one_line(other)}", err=True)
+def _fail(status: int, *lines: str) -> None:
+    for head, line in zip(["mobman: ", *["  "] * (len(lines) - 1)], lines, strict=True):
+        text = " ".join(line.split())
+        if len(text) > _LONGEST:
+            text = f"{text[:_LONGEST]}... ({len(text)} characters)"
+        echo(head + text, err=True)
     sys.exit(status)
-
-
-def _in_one_line(message: str) -> str:
-    text = " ".join(message.split())
-    if len(text) > _LONGEST:
-        text = f"{text[:_LONGEST]}... ({len(text)} characters)"
-    return text

@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import click
-from click.shell_completion import CompletionItem
 
-from mobman.cli.output import console, print_json, reports, table
+import mobman as mm
+from mobman.cli.options import complete, names_of, reports
+from mobman.cli.output import console, print_json, table
 from mobman.errors import FOREIGN_ERRORS
 
 Facts = dict[str, Any]
@@ -25,133 +26,72 @@ def _summary(thing: Any) -> str:
     return text.replace("``", "").rstrip(":")
 
 
-def _controllers() -> tuple[list[str], Callable[[str], Facts]]:
+def _controller(name: str) -> Facts:
     from mobman.controllers.gains import as_settings
     from mobman.controllers.protocol import controllers
 
-    def facts(name: str) -> Facts:
-        law = controllers.get(name)
-        kind = getattr(law, "Gains", None)
-        try:
-            defaults = {} if kind is None else as_settings(kind())
-        except FOREIGN_ERRORS:  # another package's gains need not have defaults
-            defaults = {}
-        gains = [
-            {
-                "name": field.name,
-                "default": defaults.get(field.name),
-                "unit": field.metadata.get("unit", ""),
-                "meaning": field.metadata.get("meaning", ""),
-            }
-            for field in ([] if kind is None else dataclasses.fields(kind))
-        ]
-        uses = list(getattr(law, "uses", ()))
-        return {"name": name, "description": _summary(law), "uses": uses, "gains": gains}
-
-    return list(controllers.every()), facts
+    law = controllers.get(name)
+    kind = getattr(law, "Gains", None)
+    try:
+        defaults = {} if kind is None else as_settings(kind())
+    except FOREIGN_ERRORS:  # another package's gains need not have defaults
+        defaults = {}
+    gains = []
+    for field in () if kind is None else dataclasses.fields(kind):
+        about = {key: field.metadata.get(key, "") for key in ("unit", "meaning")}
+        gains.append({"name": field.name, "default": defaults.get(field.name), **about})
+    uses = list(getattr(law, "uses", ()))
+    return {"name": name, "description": _summary(law), "uses": uses, "gains": gains}
 
 
-def _tasks() -> tuple[list[str], Callable[[str], Facts]]:
+def _task(name: str) -> Facts:
     from mobman.tasks.task import parameters_of, tasks
 
-    def facts(name: str) -> Facts:
-        parameters = [
-            {
-                "name": item.name,
-                "default": "(required)" if item.required else item.default,
-                "unit": item.unit,
-                "meaning": item.meaning,
-            }
-            for item in parameters_of(name)
-        ]
-        return {"name": name, "description": _summary(tasks.get(name)), "parameters": parameters}
-
-    return list(tasks.every()), facts
+    parameters = []
+    for item in parameters_of(name):
+        default = "(required)" if item.required else item.default
+        about = {"default": default, "unit": item.unit, "meaning": item.meaning}
+        parameters.append({"name": item.name, **about})
+    return {"name": name, "description": _summary(tasks.get(name)), "parameters": parameters}
 
 
-def _scenarios() -> tuple[list[str], Callable[[str], Facts]]:
-    from mobman.simulation.scenario import list_scenarios, load_scenario
+def _scenario(name: str) -> Facts:
 
-    def facts(name: str) -> Facts:
-        scenario = load_scenario(name)
-        changes = scenario.model_dump(mode="json", exclude_defaults=True)
-        about = {key: changes.pop(key, "") for key in ("name", "description")}
-        return {**about, "changes": changes}
-
-    return list_scenarios(), facts
+    changes = mm.load_scenario(name).model_dump(mode="json", exclude_defaults=True)
+    about = {key: changes.pop(key, "") for key in ("name", "description")}
+    return {**about, "changes": changes}
 
 
-def _metrics() -> tuple[list[str], Callable[[str], Facts]]:
+def _metric(name: str) -> Facts:
     from mobman.simulation.metrics import metrics
 
-    def facts(name: str) -> Facts:
-        metric = metrics.get(name)
-        keys = ("name", "description", "unit", "better", "section")
-        return {key: getattr(metric, key) for key in keys}
-
-    return list(metrics.every()), facts
+    keys = ("name", "description", "unit", "better", "section")
+    return {key: getattr(metrics.get(name), key) for key in keys}
 
 
-_KINDS: Mapping[str, tuple[Callable[[], tuple[list[str], Callable[[str], Facts]]], str, str]] = {
-    "controllers": (_controllers, "the control laws, or the gains of one", "--gain NAME=VALUE"),
-    "tasks": (_tasks, "the tasks, or the parameters of one", "--task-option NAME=VALUE"),
-    "scenarios": (_scenarios, "the scenarios, or what one (a name or a TOML file) changes", ""),
-    "metrics": (_metrics, "the metrics of a run, or one", ""),
-}
-
-
-def _names(kind: str) -> list[str]:
-    if kind == "robots":
-        from mobman.robots.catalogue import list_robots
-
-        return list_robots()
-    if kind == "suites":
-        from mobman.benchmark.suite import list_suites
-
-        return list_suites()
-    return _KINDS[kind][0]()[0]
-
-
-def complete(kind: str) -> dict[str, Any]:
-    """Options of click for an argument that a shell completes with the names of a kind, or with files
-    where no name begins so."""
-
-    def found(
-        context: click.Context, parameter: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        names = [name for name in _names(kind) if name.startswith(incomplete)]
-        return [*map(CompletionItem, names)] or [CompletionItem(incomplete, type="file")]
-
-    return {"shell_complete": found}
-
-
-def _command(kind: str) -> click.Command:
-    look, about, option = _KINDS[kind]
-
-    @click.command(kind, help=f"List {about}." + (f" Given by {option}." if option else ""))
+def _command(kind: str, facts: Callable[[str], Facts], about: str) -> click.Command:
+    @click.command(kind, help=f"List {about}")
     @click.argument("name", required=False, **complete(kind))
     @reports
     def command(name: str | None, as_json: bool) -> None:
-        names, facts = look()
-        if name is not None:
-            print_json(facts(name)) if as_json else _print(facts(name))
-            return
-        found = [facts(each) for each in names]
+        found = [facts(each) for each in (names_of(kind) if name is None else [name])]
         if as_json:
-            print_json(found)
-            return
-        heads = [head for head in ("unit", "better") if found and head in found[0]]
-        rows = [  # of several sentences the first
-            [
-                item["name"],
-                *(item[head] for head in heads),
-                item["description"].partition(". ")[0].rstrip("."),
+            print_json(found if name is None else found[0])
+        elif name is not None:
+            _print(found[0])
+        else:
+            heads = [head for head in ("unit", "better") if found and head in found[0]]
+            rows = [  # of several sentences the first
+                [
+                    item["name"],
+                    *(item[head] for head in heads),
+                    item["description"].partition(". ")[0].rstrip("."),
+                ]
+                for item in found
             ]
-            for item in found
-        ]
-        # names are listed to be typed: they keep their middle where half of the width is enough
-        shown = table(kind[:-1], *heads, "what it is", rows=rows, names={kind[:-1]}, share=2)
-        console().print(shown)
+            # names are listed to be typed: they keep their middle where half of the width is enough
+            one = kind[:-1]
+            console().print(table(one, *heads, "what it is", rows=rows, names={one}, share=2))
 
     return command
 
@@ -160,10 +100,11 @@ def _print(facts: Facts) -> None:
     out = console()
     out.print(facts["name"], style="bold")
     out.print(facts["description"])
+    apart = ("name", "description", "gains", "parameters", "changes")
     rows = [
         (key, ", ".join(value) if isinstance(value, list) else value)
         for key, value in facts.items()
-        if key not in ("name", "description", "gains", "parameters", "changes") and value
+        if key not in apart and value
     ]
     out.print(table(rows=rows))
     for key in ("gains", "parameters"):
@@ -186,4 +127,12 @@ def _plain(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-COMMANDS = [_command(kind) for kind in _KINDS]
+_LAWS = "the control laws, or the gains of one. Given by --gain NAME=VALUE."
+_TASKS = "the tasks, or the parameters of one. Given by --task-option NAME=VALUE."
+_SCENARIOS = "the scenarios, or what one (a name or a TOML file) changes."
+COMMANDS = [
+    _command("controllers", _controller, _LAWS),
+    _command("tasks", _task, _TASKS),
+    _command("scenarios", _scenario, _SCENARIOS),
+    _command("metrics", _metric, "the metrics of a run, or one."),
+]

@@ -1,81 +1,44 @@
-"""Shared by the sub-commands: types of options, JSON for scripts, tables for people."""
+"""Shared by the sub-commands: JSON for scripts, lines and tables for people; progress of runs on stderr,
+bars on a terminal, lines elsewhere, and Ctrl-C while they last."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterable
-from pathlib import Path
-from typing import Any
+import signal
+import threading
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from types import FrameType
+from typing import TYPE_CHECKING, Any, Self
 
 import click
+from rich import progress as bars
 from rich.console import Console
+from rich.progress import TextColumn
 from rich.table import Table
 from rich.text import Text
 
-from mobman.errors import UsageError
-from mobman.printable import printable
+from mobman.cli.options import level
+from mobman.display import printable
 
-FILE = click.Path(path_type=Path, dir_okay=False)
-FOLDER = click.Path(path_type=Path, file_okay=False)
-PORT = click.IntRange(0, 65535)
-POSITIVE = click.FloatRange(min=0, min_open=True)
-FORCE = click.option("--force", is_flag=True, help="Replace a file that is there.")
-_LEVEL = "mobman.cli.level"
+if TYPE_CHECKING:
+    from mobman.benchmark.runner import Event
+    from mobman.benchmark.tuning.search import Step
+    from mobman.benchmark.tuning.tune import Plan
+
 _NARROWEST = 16  # characters that are kept of a name
-
-
-def _set_level(context: click.Context, parameter: click.Parameter, given: bool) -> None:
-    if given:
-        context.meta[_LEVEL] = -1 if parameter.name == "quiet" else 1
-
-
-_FLAG: dict[str, Any] = {"is_flag": True, "expose_value": False, "callback": _set_level}
-_OPTIONS = (
-    click.option("--json", "as_json", is_flag=True, help="Print JSON."),
-    click.option("-q", "--quiet", **_FLAG, help="Print errors alone, and what --json asks for."),
-    click.option(
-        "-v", "--verbose", **_FLAG, help="Print more, and the traceback of an internal error."
-    ),
-)
-
-
-def reports(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: the options --json, -q and -v, see :func:`level`."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-def level(context: click.Context | None = None) -> int:
-    """Amount that a command, by default the running one, is to print: -1 errors alone, 0 as usual, 1
-    more."""
-    context = context or click.get_current_context(silent=True)
-    found: int = 0 if context is None else context.meta.get(_LEVEL, 0)
-    return found
-
-
-def check_new(path: Path, *, suffixes: Collection[str], force: bool) -> None:
-    """Refuse a file to write before anything is computed.
-
-    Args:
-        path: The file.
-        suffixes: Those that it may have, in small letters.
-        force: True if a file that is there may be replaced.
-
-    Raises:
-        UsageError: If its suffix is another, or it is there already.
-    """
-    if path.suffix.lower() not in suffixes:
-        raise UsageError(f"-o {str(path)!r} does not end in {' or '.join(sorted(suffixes))}")
-    if path.exists() and not force:
-        raise UsageError(f"{path} is there already; choose another -o, or add --force")
 
 
 def echo(text: str = "", *, err: bool = False) -> None:
     """Print a printable line on stdout, unless there is -q, or on stderr."""
     if err or level() >= 0:
         click.echo(printable(text), err=err)
+
+
+def note(message: object) -> None:
+    """Print a message of mobman's on stderr, in one line."""
+    echo(f"mobman: {' '.join(str(message).split())}", err=True)
 
 
 class _Console(Console):
@@ -105,27 +68,23 @@ def table(
     names: Collection[str] = (),
     share: int = 3,
 ) -> Table:
-    """A table without lines.
+    """A table without lines; without headings, rows make the columns.
 
     Args:
-        headings: Headings of the columns; without any, rows make the columns.
         rows: What stands in the first rows.
         right: Headings of the columns that are aligned right.
         no_wrap: Whether the cells stay on one line.
         names: Headings of the columns of names: on one line, shortened in the middle if they would
-            take more than a share of the terminal.
-        share: A name has this part of the terminal's width: a third, or a half for 2.
+            take more than the terminal's width over ``share``.
     """
     made = Table(box=None, pad_edge=False, show_header=bool(headings))
     for heading in headings:
-        one_line = no_wrap or heading in names
         side: Any = "right" if heading in right else "left"
-        made.add_column(heading, justify=side, no_wrap=one_line)
+        made.add_column(heading, justify=side, no_wrap=no_wrap or heading in names)
     most = max(console().width // share, _NARROWEST)
     for row in rows:
         texts = [*map(str, row)]
-        heads = headings or ("",) * len(texts)
-        cells = zip(heads, texts, strict=True)
+        cells = zip(headings or ("",) * len(texts), texts, strict=True)
         made.add_row(*(shortened(text, most) if head in names else text for head, text in cells))
     return made
 
@@ -140,7 +99,15 @@ def shortened(text: str, most: int) -> str:
 
 def print_json(value: Any) -> None:
     """Print JSON; numbers that JSON has no word for (inf, NaN) are null."""
-    text = json.dumps(_finite(value), indent=2)  # ASCII
+
+    def finite(item: Any) -> Any:
+        if isinstance(item, dict):
+            return {key: finite(part) for key, part in item.items()}
+        if isinstance(item, (list, tuple)):
+            return [*map(finite, item)]
+        return None if isinstance(item, float) and not math.isfinite(item) else item
+
+    text = json.dumps(finite(value), indent=2)  # ASCII
     click.echo(text.replace("\x7f", "\\u007f"))
 
 
@@ -153,11 +120,174 @@ def number(value: float, unit: str = "") -> str:
     return f"{value:.3g}"
 
 
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return value
+# Progress ----------------------------------------------------------------------------------------------
+
+_ELAPSED = (TextColumn("elapsed"), bars.TimeElapsedColumn())
+_TIMES = (*_ELAPSED, TextColumn("left"), bars.TimeRemainingColumn())
+
+
+@contextmanager
+def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
+    """A bar on stderr, where that is a terminal; gives what moves it, by the fraction done."""
+    screen = console(stderr=True)
+    what, off = TextColumn("{task.description}", markup=False), not screen.is_terminal
+    columns = (what, bars.BarColumn(), bars.TaskProgressColumn(), *_TIMES)
+    options: dict[str, Any] = {"transient": True, "disable": off or screen.quiet}
+    with bars.Progress(*columns, console=screen, **options) as progress:
+        bar = progress.add_task(printable(text), total=1.0)
+        yield lambda fraction: progress.update(bar, completed=fraction)
+
+
+@contextmanager
+def interrupted_once() -> Iterator[None]:
+    """The first SIGINT or SIGTERM in the block interrupts it; later ones are ignored, while the block
+    clears up and while the process then ends."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signals = (signal.SIGINT, signal.SIGTERM)
+    interrupted = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+        for other in signals:
+            signal.signal(other, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in signals}
+    try:
+        yield
+    finally:
+        if not interrupted:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+class Display:
+    """Progress of several runs, as a context that is interrupted once: a bar on a terminal, lines
+    elsewhere."""
+
+    def __init__(self, **options: Any) -> None:
+        self._console = console(stderr=True)
+        self.live = self._console.is_terminal
+        counts, note = (
+            TextColumn(f"{{task.fields[{name}]}}", markup=False) for name in ("counts", "note")
+        )
+        columns = (counts, bars.BarColumn(), *_TIMES, note)
+        options |= {"console": self._console, "disable": not self.live}
+        self._progress = bars.Progress(*columns, **options)
+        self._bar = self._progress.add_task("runs", total=None, counts="", note="")
+
+    def __enter__(self) -> Self:
+        self._inside = ExitStack()
+        self._inside.enter_context(interrupted_once())
+        self._inside.enter_context(self._progress)
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._inside.__exit__(*error)
+
+    def say(self, text: str, *, of_many: bool = False) -> None:
+        """Print a line, above the bar if there is one; one of many does not go with a bar, unless more
+        is to be printed."""
+        if self.live and (level() > 0 or not of_many):
+            self._console.print(text)
+        elif not self.live and level() >= 0:
+            echo(text, err=True)
+
+    def show(self, counts: str, note: str, **changes: Any) -> None:
+        """Change what the bar shows."""
+        self._progress.update(self._bar, counts=counts, note=printable(note), **changes)
+
+
+class SuiteDisplay(Display):
+    """Shows a suite's events; the bar and the time left go by ticks, since runs differ in length."""
+
+    def __init__(self) -> None:
+        super().__init__(speed_estimate_period=float("inf"))  # a run may be longer than any period
+        self._ended = self._failed = self._running = 0
+        self._note = ""
+        self.asked = 0
+        """Runs of the suite; 0 before it has started."""
+        self.there = 0
+        """Those of them that are there, or have failed."""
+
+    def tell(self, event: Event) -> None:
+        """Show an event."""
+        from mobman.benchmark import runner
+
+        change: dict[str, float] = {}
+        match event:
+            case runner.Started(asked, skipped, todo):
+                self.asked, self.there = asked, skipped
+                change = {"total": sum(run.duration / run.dt for run in todo)}
+            case runner.Running(count):
+                self._running = count
+            case runner.Ended(outcome):
+                self.there += 1
+                self._failed += outcome.status == "failed"
+                self._ended += outcome.status in ("diverged", "singular")
+                change = {"advance": outcome.run.duration / outcome.run.dt}
+                result = f"{outcome.status}, |e_e| {number(outcome.task_error)} m"
+                self.say(f"[{self.there}/{self.asked}] {outcome.run}: {result}", of_many=True)
+            case runner.Again(run, reason):
+                self.say(f"once more: {run}: {reason}")
+            case runner.Waiting(reason):
+                self._note = f"waiting: {reason}" if reason else ""
+                if reason:
+                    self.say(self._note)
+        counts = (
+            f"{self.there}/{self.asked} runs, {self._running} running, {self._ended} diverged, "
+            f"{self._failed} failed"
+        )
+        self.show(counts, self._note, **change)
+
+
+class TuningDisplay(Display):
+    """Shows the trials of a tuning."""
+
+    def __init__(self, workers: int) -> None:
+        super().__init__()
+        self._workers = workers
+        self._scores: dict[str, float] = {}
+        self._tried: set[str] = set()
+        self._seconds: list[float] = []
+
+    def start(self, plan: Plan) -> None:
+        """Show what will be done."""
+        self._plan, self._trials, self._runs = plan, plan.done, plan.done * plan.runs
+        self._scores = dict(plan.scores)
+        gains = ", ".join(f"{label} ({count})" for label, count in plan.gains.items())
+        simulated = len(plan.gains) * plan.trials * plan.seconds
+        self._show(total=plan.total)
+        self.say(
+            f"{len(plan.gains)} controllers (gains to tune): {gains}; {plan.trials} trials each, "
+            f"{plan.runs} runs a trial: {plan.total} runs, {simulated:.0f} s of simulated time"
+            + (f"; {plan.done} trials were there" if plan.done else "")
+        )
+
+    def step(self, step: Step) -> None:
+        """Show that a run is done."""
+        self._runs += 1
+        self._seconds.append(step.run.seconds)
+        if step.trial is None:
+            self._show()
+            return
+        label, score, controllers = step.label, step.trial.score, len(self._plan.gains)
+        self._trials += 1
+        new = label not in self._tried
+        self._tried.add(label)
+        best = self._scores[label] = min(self._scores.get(label, score), score)
+        self._show()
+        done = f"[{self._trials}/{controllers * self._plan.trials}] {label} · trial {step.number}"
+        self.say(f"{done}: {score:.3f}, best {best:.3f}", of_many=True)
+        # how long the rest takes, once there is a trial of each controller
+        if new and len(self._tried) == controllers:
+            each = sum(self._seconds) / len(self._seconds)
+            left = (self._plan.total - self._runs) * each / self._workers
+            self.say(f"about {left / 60:.1f} min to go with {self._workers} workers")
+
+    def _show(self, **changes: Any) -> None:
+        note = ", ".join(f"{label} {lowest:.2f}" for label, lowest in self._scores.items())
+        self.show(f"{self._runs}/{self._plan.total} runs", note, completed=self._runs, **changes)

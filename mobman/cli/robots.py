@@ -8,22 +8,18 @@ import os
 import re
 from collections import Counter
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
 from rich.text import Text
 
-from mobman.cli.names import complete
-from mobman.cli.output import console, echo, number, print_json, reports, table
+import mobman as mm
+from mobman.cli.options import complete, reports
+from mobman.cli.output import console, echo, note, number, print_json, table
 from mobman.cli.robots_add import add
 from mobman.errors import MobmanError, UnknownNameError, UsageError
-from mobman.robots.spec import NAME
-
-if TYPE_CHECKING:
-    from mobman.checks.checks import Finding
-    from mobman.model.mobile_manipulator import MobileManipulator
-    from mobman.robots.spec import RobotSpec
+from mobman.robots.spec import NAME, RobotSpec
 
 _TASK = "circle"  # the default one
 _NUMBERS = ("arm", "nz", "kg")
@@ -42,23 +38,20 @@ def robots(context: click.Context, as_json: bool) -> None:
         if as_json:
             raise click.UsageError(f"put --json behind {context.invoked_subcommand!r}")
         return
-    from mobman.robots.catalogue import list_robots
 
     rows = []
-    for name in list_robots():
+    for name in mm.list_robots():
         try:
             rows.append(_summary(*_found(name)))
+        except UnknownNameError:
+            continue  # a package's, of which there was a warning
         except MobmanError as error:  # one broken robot must not hide the others
-            if isinstance(error, UnknownNameError):
-                continue  # a package's, of which there was a warning
-            echo(f"mobman: {name} is left out: {' '.join(str(error).split())}", err=True)
+            note(f"{name} is left out: {error}")
     if as_json:
         print_json(rows)
         return
     out = console()
-    wide = out.width >= _WIDE
-    headings = ["robot", "platform", *_NUMBERS, "licence", "from"]
-    headings += ["description"] if wide else []
+    about = ["description"] if out.width >= _WIDE else []
     cells = [
         (
             row["name"],
@@ -67,13 +60,14 @@ def robots(context: click.Context, as_json: bool) -> None:
             "–" if row["mass"] is None else f"{row['mass']:.1f}",
             re.split(r"[ ;(]", row["license"])[0],
             row["origin"],
-            *([row["description"]] if wide else []),
+            *(row[key] for key in about),
         )
         for row in rows
     ]
-    names = ("robot", "platform", "licence", "from")
-    listing = table(*headings, rows=cells, right=_NUMBERS, no_wrap=True, names=names)
-    if wide:
+    names, rest = ("robot", "platform"), ("licence", "from")
+    headings = (*names, *_NUMBERS, *rest, *about)
+    listing = table(*headings, rows=cells, right=_NUMBERS, no_wrap=True, names=names + rest)
+    if about:
         listing.columns[-1].max_width = out.width - _OTHERS
     out.print(listing)
 
@@ -92,30 +86,31 @@ def show(name: str, as_json: bool) -> None:
         return
     out = console()
     out.print(out.render_str(content["name"], style="bold"), f" {content['description']}")
-    for key in ("platform", "tip", "mass", "tags", "source", "license", "origin", "urdf"):
-        value = content[key]
-        if value is not None:
-            text = ", ".join(value) if isinstance(value, list) else value
-            out.print(f"  {key:<9} {text}", soft_wrap=True)
+    keys = ["platform", "tip", "mass", "tags", "source", "license", "origin", "urdf"]
+    lines = {key: content[key] for key in keys if content[key] is not None}
     if content["code"]:
-        out.print(
-            f"  {'code':<9} the platform is Python code, {content['code']}, which runs when the robot "
-            "is loaded for a run or a check, and not here: joints and limits are not known",
-            soft_wrap=True,
+        lines["code"] = (
+            f"the platform is Python code, {content['code']}, which runs when the robot is loaded for a "
+            "run or a check, and not here: joints and limits are not known"
         )
+    else:
+        lines["z"] = content["velocity_names"]
+        lines["tip at rest"] = f"{np.round(content['tip_at_rest'], 4).tolist()} m"
+    for key, value in lines.items():
+        text = ", ".join(value) if isinstance(value, list) else value
+        out.print(f"  {key:<9} {text}", soft_wrap=True)
+    if content["code"]:
         return
-    out.print(f"  {'z':<9} {', '.join(content['velocity_names'])}", soft_wrap=True)
-    out.print(f"  {'tip at rest':<9} {np.round(content['tip_at_rest'], 4).tolist()} m")
     numbers = ("rest", "lower", "upper", "weight in F")
-    listing = table("q", *numbers, right=numbers, names={"q"})
-    for joint in content["joints"]:
-        values = (f"{joint[key.split()[0]]:.4g}" for key in numbers)
-        listing.add_row(joint["name"], *values)
+    rows = [
+        (joint["name"], *(f"{joint[key.split()[0]]:.4g}" for key in numbers))
+        for joint in content["joints"]
+    ]
     out.print()
-    out.print(listing)
+    out.print(table("q", *numbers, rows=rows, right=numbers, names={"q"}))
 
 
-def _summary(spec: RobotSpec, robot: MobileManipulator | None, origin: str) -> dict[str, Any]:
+def _summary(spec: RobotSpec, robot: mm.MobileManipulator | None, origin: str) -> dict[str, Any]:
     """Facts of a robot; of one whose platform is code, and is not run here, those of its description."""
     model: dict[str, Any] = dict.fromkeys(("arm_joints", "nq", "nz", "mass"))
     if robot is not None:
@@ -128,20 +123,17 @@ def _summary(spec: RobotSpec, robot: MobileManipulator | None, origin: str) -> d
         **model,
         "code": spec.code or None,
         "tip": spec.arm.tip,
-        "tags": spec.tags,
-        "license": spec.license,
-        "source": spec.source,
-        "description": spec.description,
+        **{key: getattr(spec, key) for key in ("tags", "license", "source", "description")},
     }
 
 
-def _found(name: str) -> tuple[RobotSpec, MobileManipulator | None, str]:
+def _found(name: str) -> tuple[RobotSpec, mm.MobileManipulator | None, str]:
     """A robot's description, its model unless that takes running code, and where it is from."""
     from mobman.model.build import build_robot
-    from mobman.robots.catalogue import find_spec, list_robots, origin_of
+    from mobman.robots.catalogue import find_spec, origin_of
 
     spec = find_spec(name)
-    origin = origin_of(name) if name in list_robots() else "file"
+    origin = origin_of(name) if name in mm.list_robots() else "file"
     return spec, None if spec.code else build_robot(spec), origin
 
 
@@ -160,16 +152,15 @@ def _details(name: str) -> dict[str, Any]:
         return content
     limits = robot.limits
     columns = (robot.q_rest, limits.lower, limits.upper, robot.criterion_weights)
+    keys = ("name", "rest", "lower", "upper", "weight")
+    rows = zip(robot.joint_names, *(column.tolist() for column in columns), strict=True)
     return {
         **content,
         "velocity_names": robot.velocity_names,
         "velocity_limits": limits.velocity.tolist(),
         "torque_limits": limits.torque.tolist(),
         "tip_at_rest": np.asarray(robot.tip_pose(robot.q_rest).translation).tolist(),
-        "joints": [
-            dict(zip(("name", "rest", "lower", "upper", "weight"), row, strict=True))
-            for row in zip(robot.joint_names, *(column.tolist() for column in columns), strict=True)
-        ],
+        "joints": [dict(zip(keys, row, strict=True)) for row in rows],
     }
 
 
@@ -178,7 +169,6 @@ def _details(name: str) -> dict[str, Any]:
 @reports
 def remove(name: str, as_json: bool) -> None:
     """Remove the robot NAME that was added by the user: its TOML, and its copy of the URDF."""
-    from mobman.robots.catalogue import list_robots
     from mobman.robots.places import own_robots, user_robots_folder
 
     folder = user_robots_folder()
@@ -186,25 +176,22 @@ def remove(name: str, as_json: bool) -> None:
     if not re.fullmatch(NAME, name) or not os.path.lexists(file):
         if name in own_robots():
             raise UsageError(f"the robot {name!r} comes with mobman and stays")
-        if name in list_robots():
+        if name in mm.list_robots():
             raise UsageError(f"the robot {name!r} is another package's; uninstall that")
-        raise UnknownNameError(
-            "robot of yours", name, [path.stem for path in folder.glob("*.toml")]
-        )
-    copies = [
-        path
-        for path in folder.glob(f"{glob.escape(name)}.*urdf")
-        if re.fullmatch(r"(mount\d+\.)?urdf", path.name.removeprefix(f"{name}."))
-    ]
-    for path in (file, *copies):  # the TOML first: without it there is no robot
+        known = [path.stem for path in folder.glob("*.toml")]
+        raise UnknownNameError("robot of yours", name, known)
+    copy = re.compile(rf"{re.escape(name)}\.(mount\d+\.)?urdf")
+    copies = [path for path in folder.glob(f"{glob.escape(name)}.*") if copy.fullmatch(path.name)]
+    removed = [file, *copies]  # the TOML first: without it there is no robot
+    for path in removed:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise MobmanError(f"cannot remove {path}: {error.strerror}") from error
     if as_json:
-        print_json({"name": name, "removed": [str(path) for path in (file, *copies)]})
+        print_json({"name": name, "removed": [*map(str, removed)]})
     else:
-        echo(f"removed {', '.join(str(path) for path in (file, *copies))}")
+        echo(f"removed {', '.join(map(str, removed))}")
 
 
 @robots.command()
@@ -217,34 +204,23 @@ def bounds(name: str, as_json: bool) -> None:
     """
     from mobman.controllers import computed_bounds as computing
     from mobman.controllers.bounds import SEED, SPREAD
-    from mobman.model.build import load_robot
-    from mobman.tasks.task import make_task
 
-    robot = load_robot(name)
-    computed = computing.computed_bounds(robot, make_task(_TASK, robot))
+    robot = mm.load_robot(name)
+    computed = computing.computed_bounds(robot, mm.make_task(_TASK, robot))
     if as_json:
         about = computed._asdict()
-        stated = {"margin": computing.MARGIN, "confidence": computing.CONFIDENCE, "seed": SEED}
-        print_json(
-            {
-                "robot": robot.name,
-                "task": _TASK,
-                **about.pop("values"),
-                "paper": computing.PAPER,
-                "bounded": computing.BOUNDED,
-                **(about | stated | {"arm_spread": SPREAD}),
-            }
-        )
+        content = {"robot": robot.name, "task": _TASK, **about.pop("values")}
+        content |= {"paper": computing.PAPER, "bounded": computing.BOUNDED, **about}
+        content |= {"margin": computing.MARGIN, "confidence": computing.CONFIDENCE}
+        print_json({**content, "seed": SEED, "arm_spread": SPREAD})
         return
     out = console()
     out.print(robot.name, style="bold")
     numbers = ("paper", "computed", "found")
     listing = table("", *numbers, "of", right=numbers)
     for key, value in computed.values.items():
-        found = computed.found.get(key, math.nan)
-        listing.add_row(
-            *(key, *map(number, (computing.PAPER[key], value, found)), computing.BOUNDED[key])
-        )
+        values = (computing.PAPER[key], value, computed.found.get(key, math.nan))
+        listing.add_row(key, *map(number, values), computing.BOUNDED[key])
     out.print(listing)
     share = computed.exceeded
     echo(
@@ -274,38 +250,28 @@ def check(name: str, as_json: bool, no_simulation: bool) -> None:
     Exit status 1 if something is wrong, 0 with warnings alone, 2 if the robot cannot be loaded.
     """
     from mobman.checks.checks import run_checks
-    from mobman.model.build import load_robot
 
-    robot = load_robot(name)
+    robot = mm.load_robot(name)
     findings = run_checks(robot, simulation=not no_simulation)
     counts: Counter[str] = Counter(finding.status for finding in findings)
     if as_json:
         status = next((word for word in ("wrong", "warning") if counts[word]), "ok")
-        print_json(
-            {
-                "robot": robot.name,
-                "findings": [asdict(finding) for finding in findings],
-                "summary": {"status": status, **{word: counts[word] for word in _STYLES}},
-            }
-        )
+        summary = {"status": status, **{word: counts[word] for word in _STYLES}}
+        found = [asdict(finding) for finding in findings]
+        print_json({"robot": robot.name, "findings": found, "summary": summary})
     else:
-        _print(robot.name, findings)
-        echo(
-            f"{counts['wrong']} wrong, {counts['warning']} warning"
-            f"{'' if counts['warning'] == 1 else 's'}, {counts['ok']} ok"
-        )
+        out = console()
+        out.print(robot.name, style="bold")
+        listing = table("check", "result", no_wrap=True)
+        listing.add_column("found", overflow="fold")
+        for finding in findings:
+            result = Text(finding.status, _STYLES[finding.status])
+            listing.add_row(finding.check, result, finding.found)
+            if finding.fix:  # below, where it has room
+                listing.add_row("", Text("fix", "dim"), out.render_str(finding.fix, style="dim"))
+        out.print(listing)
+        several = "" if counts["warning"] == 1 else "s"
+        warned = f"{counts['warning']} warning{several}"
+        echo(f"{counts['wrong']} wrong, {warned}, {counts['ok']} ok")
     if counts["wrong"]:
         raise click.exceptions.Exit(1)
-
-
-def _print(robot: str, findings: list[Finding]) -> None:
-    out = console()
-    out.print(robot, style="bold")
-    listing = table("check", "result", no_wrap=True)
-    listing.add_column("found", overflow="fold")
-    for finding in findings:
-        result = Text(finding.status, _STYLES[finding.status])
-        listing.add_row(finding.check, result, finding.found)
-        if finding.fix:  # below, where it has room
-            listing.add_row("", Text("fix", "dim"), out.render_str(finding.fix, style="dim"))
-    out.print(listing)

@@ -9,25 +9,28 @@ import shlex
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
+from click import BadParameter, Choice, argument, command, option
+from click import Path as click_path
 
-from mobman.cli.output import POSITIVE, console, print_json, reports
+import mobman as mm
+from mobman.cli.options import FILE, POSITIVE, reports
+from mobman.cli.output import console, print_json
 from mobman.errors import MobmanError, UsageError
 from mobman.files import write_new
 from mobman.robots.infer.findings import TYPES, Options
 
 if TYPE_CHECKING:
-    from mobman.model.mobile_manipulator import MobileManipulator
     from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
 _ABOUT_OPTIONS = r"field '(platform|arm|urdf\.lock)\b|\[platform\]|\[arm\]"
 """Parts of a message that an option may mend."""
 
 
-class _PlatformTypes(click.Choice):  # type: ignore[type-arg]  # a class of str since click 8.2
+class _PlatformTypes(Choice):  # type: ignore[type-arg]  # a class of str since click 8.2
     """The registered platform types whose fields are found in URDFs, looked up when asked for."""
 
     def __init__(self) -> None:
@@ -49,21 +52,17 @@ _TYPES = _PlatformTypes()
 
 
 def _several(
-    option: str, name: str, about: str, what: str = "JOINT", **more: Any
+    flag: str, name: str, about: str, what: str = "JOINT", **more: Any
 ) -> Callable[..., Any]:
-    return click.option(
-        option, name, multiple=True, metavar=what, help=f"{about}; repeatable.", **more
-    )
+    return option(flag, name, multiple=True, metavar=what, help=f"{about}; repeatable.", **more)
 
 
-def _assigned(
-    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
-) -> dict[str, str]:
-    """NAME:=VALUE texts as a dictionary."""
-    for text in texts:
-        if not text.partition(":=")[0] or ":=" not in text:
-            raise click.BadParameter(f"{text!r} is not NAME:=VALUE", param_hint=parameter.opts[0])
-    return {name: value for name, _, value in (text.partition(":=") for text in texts)}
+def _assigned(text: str) -> tuple[str, str]:
+    """A NAME:=VALUE text."""
+    name, equals, value = text.partition(":=")
+    if not name or not equals:
+        raise BadParameter(f"{text!r} is not NAME:=VALUE")
+    return name, value
 
 
 def _mounts(
@@ -75,66 +74,39 @@ def _mounts(
             f"--mount is given {len(mounted)} times, --on {len(carriers)} and --prefix "
             f"{len(prefixes)} times; give one --on, and at most one --prefix, for each --mount"
         )
-    for i, urdf in enumerate(mounted):
-        prefix = prefixes[i] if i < len(prefixes) else ""
-        yield urdf, (carriers[i] if i < len(carriers) else None), prefix
+    for urdf, link, prefix in zip_longest(mounted, carriers, prefixes):
+        yield urdf, link, prefix or ""
 
 
-@click.command()
-@click.argument("urdf", metavar="URDF")
-@click.option(
-    "--name",
-    help="Name of the robot; by default that of FILE, of the URDF's file or the one in the URDF.",
-)
-@click.option("--tip", help="Link whose origin is the end-effector.")
+_FOLDER = click_path(path_type=Path, exists=True, file_okay=False)
+_NAME = "Name of the robot; by default that of FILE, of the URDF's file or the one in the URDF."
+_UP = "Axis of the root link that points up."
+_FILE = "TOML file to write; by default in the user's folder of robots."
+
+
+@command()
+@argument("urdf", metavar="URDF")
+@option("--name", help=_NAME)
+@option("--tip", help="Link whose origin is the end-effector.")
 @_several("--right-wheel", "right_wheels", "Driven wheel")
 @_several("--left-wheel", "left_wheels", "Driven wheel")
 @_several("--wheel", "wheels", "Of an omnidirectional platform")
 @_several("--steering", "steering", "Of a car")
-@click.option("--platform", type=_TYPES, help="Platform type.")
-@click.option("--wheel-radius", type=POSITIVE, help="m.")
-@click.option("--heading", type=float, help="Direction of forward in the root link's frame, rad.")
+@option("--platform", type=_TYPES, help="Platform type.")
+@option("--wheel-radius", type=POSITIVE, help="m.")
+@option("--heading", type=float, help="Direction of forward in the root link's frame, rad.")
 @_several("--lock", "lock", "Joints that do not move", "PATTERN")
-@_several(
-    "--package-path",
-    "packages",
-    "Folder that holds packages of meshes",
-    "DIR",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
-)
-@click.option(
-    "--up",
-    type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
-    default="z",
-    show_default=True,
-    help="Axis of the root link that points up.",
-)
-@_several("--xacro-arg", "arguments", "Argument of a xacro file", "NAME:=VALUE", callback=_assigned)
+@_several("--package-path", "packages", "Folder that holds packages of meshes", "DIR", type=_FOLDER)
+@option("--up", type=Choice(["x", "y", "z", "-x", "-y", "-z"]), default="z", help=_UP)
+@_several("--xacro-arg", "arguments", "Argument of a xacro file", "NAME:=VALUE", type=_assigned)
 @_several("--mount", "mounted", "URDF of an arm to be mounted", "URDF")
 @_several("--on", "carriers", "Link that carries what is mounted, in the same order", "LINK")
 @_several("--prefix", "prefixes", "Put before all names of what is mounted", "TEXT")
-@click.option("--force", is_flag=True, help="Replace a file or a robot that is there.")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE",
-    help="TOML file to write; by default in the user's folder of robots.",
-)
+@option("--force", is_flag=True, help="Replace a file or a robot that is there.")
+@option("-o", "--output", type=FILE, metavar="FILE", help=_FILE)
 @reports
 def add(
-    urdf: str,
-    name: str | None,
-    output: Path | None,
-    packages: tuple[Path, ...],
-    up: str,
-    arguments: dict[str, str],
-    mounted: tuple[str, ...],
-    carriers: tuple[str, ...],
-    prefixes: tuple[str, ...],
-    force: bool,
-    as_json: bool,
-    **facts: Any,
+    urdf: str, name: str | None, output: Path | None, force: bool, as_json: bool, **facts: Any
 ) -> None:
     """Write the TOML of a robot from its URDF: wheels, radius, arm, rest posture.
 
@@ -148,18 +120,16 @@ def add(
     from mobman.robots.urdf.meshes import with_absolute_meshes
     from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
+    mounts = _mounts(*(facts.pop(key) for key in ("mounted", "carriers", "prefixes")))
+    given: dict[str, Any] = {
+        "up": facts.pop("up"),
+        "packages": [path.resolve() for path in facts.pop("packages")],
+        "arguments": dict(facts.pop("arguments")),
+    }
     options = Options(**facts, types=_TYPES.fields)
     _check_options(output, options)
-    found = describe(
-        urdf,
-        options,
-        name=name,
-        output=output,
-        up=up,
-        mounts=[OnLink(*mount) for mount in _mounts(mounted, carriers, prefixes)],
-        packages=[path.resolve() for path in packages],
-        arguments=arguments,
-    )
+    on_links = [OnLink(*mount) for mount in mounts]
+    found = describe(urdf, options, name=name, output=output, mounts=on_links, **given)
     name = found.name
     target = output if output is not None else user_robots_folder() / f"{name}.toml"
     _check_free(name, target, force, by_name=output is None)
@@ -175,15 +145,15 @@ def add(
             file = UrdfFile(place, file.package_folders, copies[place].encode(), up=file.up)
         sources.append(source)
         files.append(file)
-    text = found.toml(sources)
-    robot = _robot_of(text, target, UrdfSources(tuple(files)) if copies else None)
+    text, built = found.toml(sources), UrdfSources(tuple(files)) if copies else None
+    robot = _robot_of(text, target, built)
     if not force and (there := [path for path in copies if os.path.exists(path)]):
         raise UsageError(
             f"{there[0]} is there already; choose another --name or -o, or add --force"
         )
     if robot.platform.base_joints:
         text = with_platform_weights(text, *_heading(robot))
-        robot = _robot_of(text, target, UrdfSources(tuple(files)) if copies else None)
+        robot = _robot_of(text, target, built)
     doubts = _verified(robot, force)
     for place, content in {**copies, target: text}.items():
         write_new(place, content, force, "choose another -o")
@@ -204,7 +174,7 @@ def add(
         _print(summary)
 
 
-def _heading(robot: MobileManipulator) -> tuple[float, str]:
+def _heading(robot: mm.MobileManipulator) -> tuple[float, str]:
     """The weight of the heading in the posture criterion, by the rule, and what it is good for."""
     from mobman.model.posture_weights import conditioning
 
@@ -216,12 +186,12 @@ def _heading(robot: MobileManipulator) -> tuple[float, str]:
 
 def _check_options(output: Path | None, options: Options) -> None:
     """Refuse what the types of click let pass."""
-    for option, value, allowed in (
+    for flag, value, allowed in (
         ("--heading", options.heading, "angle (rad)"),
         ("--wheel-radius", options.wheel_radius, "length above 0 (m)"),
     ):
         if value is not None and not math.isfinite(value):
-            raise UsageError(f"{option} is {value}; allowed: a finite {allowed}")
+            raise UsageError(f"{flag} is {value}; allowed: a finite {allowed}")
     if output is not None and output.suffix != ".toml":
         raise UsageError(
             f"-o {str(output)!r} does not end in .toml, which distinguishes a robot's file from a "
@@ -231,7 +201,6 @@ def _check_options(output: Path | None, options: Options) -> None:
 
 def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
     """Before anything is computed: nothing that is there is replaced unasked."""
-    from mobman.robots.catalogue import list_robots
     from mobman.robots.places import own_robots
 
     if by_name and name in own_robots():
@@ -240,13 +209,13 @@ def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
         return
     if os.path.exists(target):
         raise UsageError(f"{target} is there already; choose another --name or -o, or add --force")
-    if by_name and name in list_robots():
+    if by_name and name in mm.list_robots():
         raise UsageError(
             f"there is a robot {name!r} already; choose another --name, or add --force"
         )
 
 
-def _verified(robot: MobileManipulator, force: bool) -> list[str]:
+def _verified(robot: mm.MobileManipulator, force: bool) -> list[str]:
     """Checks of what is about to be written; what only may be wrong, in sentences.
 
     Raises:
@@ -277,14 +246,14 @@ def _missing_meshes(files: Sequence[UrdfFile]) -> Iterator[str]:
         )
 
 
-def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> MobileManipulator:
+def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> mm.MobileManipulator:
     """The robot of a file that is written only if it can be loaded; its copies are not there yet."""
-    from mobman.model.build import build_robot, load_robot
+    from mobman.model.build import build_robot
     from mobman.robots.spec import spec_of
 
     try:
         spec = spec_of(tomllib.loads(text), target)
-        return load_robot(spec) if sources is None else build_robot(spec, sources)
+        return mm.load_robot(spec) if sources is None else build_robot(spec, sources)
     except MobmanError as error:
         advice = "correct the URDF"
         if re.search(_ABOUT_OPTIONS, str(error)):
@@ -301,25 +270,21 @@ def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> MobileMan
 
 def _print(summary: dict[str, Any]) -> None:
     out = console()
-    joints = summary["arm_joints"]
     out.print(f"{summary['name']}: {summary['file']}", soft_wrap=True)
+    joints, wheels = summary["arm_joints"], ", ".join(summary["wheels"])
     lines = [("platform", summary["platform"])]
-    if summary["wheels"]:
-        lines += [("wheels", ", ".join(summary["wheels"]))]
-        lines += [("radius", f"{summary['wheel_radius']:.4g} m")]
+    if wheels:
+        lines += [("wheels", wheels), ("radius", f"{summary['wheel_radius']:.4g} m")]
     if summary["half_track"] is not None:
         lines += [("half track", f"{summary['half_track']:.4f} m")]
     if summary["heading"]:
         lines += [("heading", f"{summary['heading']:.4g} rad from the root link's x axis")]
-    lines += [
-        ("arm joints", f"{len(joints)}: {', '.join(joints)}"),
-        ("tip", summary["tip"]),
-        *([("follow", ", ".join(summary["following"]))] if summary["following"] else []),
-        ("locked", f"{len(summary['locked'])} joints"),
-        ("rest", ", ".join(f"{joint} {at:.4g}" for joint, at in summary["rest"].items())),
-        *(("uncertain", doubt) for doubt in summary["uncertain"]),
-        *(("warning", warning) for warning in summary["warnings"]),
-        *(("next", command) for command in summary["next"]),
-    ]
+    lines += [("arm joints", f"{len(joints)}: {', '.join(joints)}"), ("tip", summary["tip"])]
+    if summary["following"]:
+        lines += [("follow", ", ".join(summary["following"]))]
+    rest = ", ".join(f"{joint} {at:.4g}" for joint, at in summary["rest"].items())
+    lines += [("locked", f"{len(summary['locked'])} joints"), ("rest", rest)]
+    for key, texts in (("uncertain", "uncertain"), ("warning", "warnings"), ("next", "next")):
+        lines += [(key, text) for text in summary[texts]]
     for key, text in lines:
         out.print(f"  {key:<11} {text}", soft_wrap=True)

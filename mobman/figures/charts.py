@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mobman.arrays import Array
+from mobman.display import printable
 from mobman.figures.looks import Look, looks_of, motor_looks
-from mobman.printable import printable
 
 Spec: TypeAlias = dict[str, Any]
 FLOOR = 1e-12

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -18,10 +17,10 @@ from typing import Any
 
 import platformdirs
 
+from mobman.display import printable
 from mobman.errors import MobmanError, UsageError
 from mobman.figures.charts import GREY, Spec
-from mobman.files import temporary_beside
-from mobman.printable import printable
+from mobman.files import write_all
 
 SUFFIXES = (".html", ".pdf", ".png", ".svg")
 _WIDTH = 720.0  # px, of a figure in a file
@@ -239,29 +238,6 @@ def save(path: Path, specs: Sequence[Spec], title: str) -> Path:
         content = drawn(beside(specs), kind[1:])
     write_all({path: content})
     return path
-
-
-def write_all(contents: Mapping[Path, bytes]) -> None:
-    """Write files to temporary names, then give them their own: all of them are whole.
-
-    Raises:
-        MobmanError: If one cannot be written.
-    """
-    temporary = {path: temporary_beside(path) for path in contents}
-    try:
-        for path, content in contents.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            temporary[path].write_bytes(content)
-        for path in contents:
-            os.replace(temporary[path], path)
-    except OSError as error:
-        raise MobmanError(f"cannot write {error.filename}: {error.strerror or error}") from error
-    finally:
-        for path in temporary.values():
-            try:
-                path.unlink(missing_ok=True)
-            except OSError:  # its folder could not be made
-                continue
 
 
 # Pages ---------------------------------------------------------------------------------------------

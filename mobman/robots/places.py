@@ -6,7 +6,7 @@ from pathlib import Path
 
 import platformdirs
 
-from mobman.resources import resource_folder
+from mobman.files import resource_folder
 
 
 def own_robots() -> dict[str, Path]:

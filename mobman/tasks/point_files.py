@@ -20,7 +20,7 @@ import numpy as np
 
 from mobman.arrays import SIZES, beyond_sizes
 from mobman.errors import SpecError
-from mobman.input_file import read_input
+from mobman.files import read_input
 from mobman.isolation import Crash, helper
 
 POSITION, ORIENTATION = ("x", "y", "z"), ("qw", "qx", "qy", "qz")

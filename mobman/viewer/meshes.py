@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from mobman.arrays import Array, Index
 from mobman.robots.urdf.meshes import MeshError, read_isolated, read_triangles
-from mobman.viewer.page import packed
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 to 1."""
@@ -24,8 +23,7 @@ MeshKey = tuple[Path, tuple[float, float, float]]
 """A file and the scale of its three axes; a negative one mirrors it."""
 
 _COLOURED = {".dae", ".obj", ".gltf", ".glb", ".ply"}
-_SAME = 1e-3
-"""Difference of bounds that should agree, of their size."""
+_SAME = 1e-3  # Difference of bounds that should agree, of their size
 _TEXTURE_PIXELS = 1024
 _MOST_SEEN, _MOST_OTHERS = 2500, 500
 """Triangles of one mesh: of one that is drawn at once, and of collision geometry."""
@@ -34,22 +32,26 @@ _ALL_TRIANGLES = 50_000
 _FEWEST = 100
 
 
+def packed(array: NDArray[Any], kind: str) -> dict[str, Any]:
+    """Pack an array for JSON, compact and exact: base64 of its bytes, little endian, row by row.
+
+    ``kind`` is ``"f8"``, ``"f4"``, ``"u1"`` or ``"u4"``: the page reads these.
+    """
+    plain = np.ascontiguousarray(array, dtype="<" + kind)
+    data = base64.b64encode(plain.tobytes()).decode("ascii")
+    return {"kind": kind, "shape": list(plain.shape), "data": data}
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Triangles, in one colour, in a colour a vertex, or with a picture on them."""
 
-    vertices: Array
-    """m, shape (V, 3)."""
-    faces: Index
-    """Vertices of each triangle, anticlockwise from outside, shape (F, 3)."""
-    colour: Colour | None = None
-    """The mesh's own colour; None if its file says nothing."""
-    vertex_colours: NDArray[np.uint8] | None = None
-    """0 to 255, shape (V, 3)."""
-    uv: Array | None = None
-    """Each vertex's place on the picture, 0 to 1, shape (V, 2)."""
-    texture: str | None = None
-    """The picture, as a data: address."""
+    vertices: Array  # m, shape (V, 3)
+    faces: Index  # Vertices of each triangle, anticlockwise from outside, shape (F, 3)
+    colour: Colour | None = None  # The mesh's own colour; None if its file says nothing
+    vertex_colours: NDArray[np.uint8] | None = None  # 0 to 255, shape (V, 3)
+    uv: Array | None = None  # Each vertex's place on the picture, 0 to 1, shape (V, 2)
+    texture: str | None = None  # The picture, as a data: address
 
     @property
     def points(self) -> Array:
@@ -101,41 +103,27 @@ def read_mesh(
 ) -> list[Surface]:
     """Read the parts of a mesh, one for each of its materials.
 
-    Pinocchio's reader gives the geometry. Colours come from trimesh, where it is installed and the
-    format has any; where the format leaves open which way is up and what a unit is (Collada), the
-    geometry is still placed as Pinocchio places it.
-
-    Args:
-        path: The file.
-        scale: Scale of its three axes.
-        coloured: True to read its own colours.
+    Pinocchio's reader gives the geometry. Colours, if wanted, come from trimesh, where it is installed
+    and the format has any; where the format leaves open which way is up and what a unit is (Collada),
+    the geometry is still placed as Pinocchio places it.
 
     Raises:
-        MeshError: If it cannot be read, or has no triangle.
+        MeshError: If it cannot be read, has no triangle, or one with a corner that is not there.
     """
     plain = Surface(*read_triangles(path))
-    _check(plain, path)
     parts = [plain]
     if coloured and path.suffix.lower() in _COLOURED and installed("trimesh"):
-        own = [Surface(**fields) for fields in read_isolated(f"{__name__}:coloured_parts", path)]
-        for part in own:
-            _check(part, path)
-        parts = _as_placed(own, plain)
+        parts = [Surface(**own) for own in read_isolated(f"{__name__}:coloured_parts", path)]
+    for part in (plain, *parts):
+        if len(part.faces) and not 0 <= part.faces.min() <= part.faces.max() < len(part.vertices):
+            raise MeshError(f"the mesh {path} has a triangle with a corner that is not there")
+    if parts != [plain]:
+        parts = _as_placed(parts, plain)
     parts = [part for part in map(_tidied, parts) if len(part.faces)]
     if not parts:
         raise MeshError(f"the mesh {path} has no triangles")
     turn = -1 if np.prod(scale) < 0.0 else 1
     return [replace(p, vertices=p.vertices * scale, faces=p.faces[:, ::turn]) for p in parts]
-
-
-def _check(surface: Surface, path: Path) -> None:
-    """
-    Raises:
-        MeshError: If a triangle has a corner that is not there.
-    """
-    faces = surface.faces
-    if len(faces) and not 0 <= faces.min() <= faces.max() < len(surface.vertices):
-        raise MeshError(f"the mesh {path} has a triangle with a corner that is not there")
 
 
 def reduced(surface: Surface, triangles: int) -> Surface:
@@ -156,9 +144,9 @@ def reduced(surface: Surface, triangles: int) -> Surface:
     if not len(corners):
         return surface
     # a picture or many colours do not survive: the average does
-    colour = surface.colour
-    if colour is None and surface.vertex_colours is not None:
-        colour = _average(surface.vertex_colours)
+    colour, colours = surface.colour, surface.vertex_colours
+    if colour is None and colours is not None:
+        colour = _average(colours)
     return Surface(np.asarray(points, dtype=float), np.asarray(corners, dtype=np.int64), colour)
 
 
@@ -169,7 +157,7 @@ def coloured_parts(path: str) -> list[dict[str, Any]]:
 
     # vertices are not merged here: those with a place on a picture must stay apart
     scene = trimesh.load_scene(path, process=False)
-    placed = [(scene.graph[node][0], scene.graph[node][1]) for node in scene.graph.nodes_geometry]
+    placed = [scene.graph[node][:2] for node in scene.graph.nodes_geometry]
     return [
         asdict(_part(scene.geometry[name].copy().apply_transform(transform)))
         for transform, name in placed
@@ -182,8 +170,7 @@ def _part(geometry: Any) -> Surface:
     visual = geometry.visual
     if visual.kind == "texture":
         material = visual.material
-        colour = getattr(material, "main_color", None)
-        if colour is not None:
+        if (colour := getattr(material, "main_color", None)) is not None:
             r, g, b, a = (float(value) / 255.0 for value in colour)
             # a material that cannot be seen is a mistake of units
             part = replace(part, colour=(r, g, b, a if a > 0.0 else 1.0))
@@ -192,9 +179,9 @@ def _part(geometry: Any) -> Surface:
             part = replace(part, uv=np.array(visual.uv), texture=_data(image))
     elif visual.kind in ("vertex", "face") and visual.defined:
         colours = np.array(visual.vertex_colors)[:, :3]
-        if len(np.unique(colours, axis=0)) == 1:
-            return replace(part, colour=_average(colours))
-        return replace(part, vertex_colours=colours)
+        if len(np.unique(colours, axis=0)) > 1:
+            return replace(part, vertex_colours=colours)
+        return replace(part, colour=_average(colours))
     return part
 
 
@@ -269,17 +256,15 @@ def hollowed(box: Array, wells: Sequence[Array]) -> Surface:
     quads: list[Array] = []
     padded = np.pad(full, 1)
     for axis in range(3):
-        across = [(axis + 1) % 3, (axis + 2) % 3]
         for side in (0, 1):  # faces towards the lower cell and the upper one
             beyond = np.roll(padded, 1 - 2 * side, axis)[1:-1, 1:-1, 1:-1]
-            for cell in np.argwhere(full & ~beyond):
-                quad = np.empty((4, 3))
-                quad[:, axis] = edges[axis][cell[axis] + side]
-                turns = ((0, 0), (1, 0), (1, 1), (0, 1))
-                for corner, steps in zip(quad, turns if side else turns[::-1], strict=True):
-                    for other, step in zip(across, steps, strict=True):
-                        corner[other] = edges[other][cell[other] + step]
-                quads.append(quad)
-    corners = np.arange(4 * len(quads)).reshape(-1, 4)
-    faces = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
-    return Surface(np.reshape(quads, (-1, 3)), faces)
+            cells = np.argwhere(full & ~beyond)
+            turns = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])[:: 1 if side else -1]
+            corners = np.empty((len(cells), 4, 3))
+            corners[:, :, axis] = edges[axis][cells[:, [axis]] + side]
+            for other, steps in zip(((axis + 1) % 3, (axis + 2) % 3), turns.T, strict=True):
+                corners[:, :, other] = edges[other][cells[:, [other]] + steps]
+            quads.append(corners)
+    vertices = np.concatenate(quads).reshape(-1, 3)
+    around = np.arange(len(vertices)).reshape(-1, 4)
+    return Surface(vertices, np.concatenate([around[:, [0, 1, 2]], around[:, [0, 2, 3]]]))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal
@@ -31,24 +31,17 @@ _DARK: Colour = (0.30, 0.33, 0.37, 1.0)
 _LIGHT_MARK: Colour = (0.95, 0.95, 0.96, 1.0)
 _DARK_MARK: Colour = (0.12, 0.12, 0.14, 1.0)
 _SPOKES = 3
-_PROUD = 0.01
-"""Height of a spoke over the wheel's face, of the radius."""
+_PROUD = 0.01  # Height of a spoke over the wheel's face, of the radius
 _ALIGNED = 1e-3
-_CLEARANCE = 0.15
-"""Room about a wheel in its well, of its radius."""
+_CLEARANCE = 0.15  # Room about a wheel in its well, of its radius
 _MOMENTS = ("xx", "xy", "xz", "yy", "yz", "zz")
-_THIN_WALL = 0.5
-"""Thickness of a wall beside a well that is left out, of the wheel's radius."""
-_THINNEST = 0.005
-"""Thickness of a plain body whose inertia says less (m)."""
+_THIN_WALL = 0.5  # Thickness of a wall beside a well that is left out, of the wheel's radius
+_THINNEST = 0.005  # Thickness of a plain body whose inertia says less (m)
 _LIGHTEST = 300.0
 """Least density of a plain body (kg/m^3): inertias that are much too large are common."""
-_ROD = 0.025
-"""Radius of a skeleton's rods, of the robot's size."""
-_UNBOUNDED = 1e3
-"""Limits beyond this are none (m, rad)."""
-_REACH = 3.0
-"""Range of a slider to either side, for what has no limits (m)."""
+_ROD = 0.025  # Radius of a skeleton's rods, of the robot's size
+_UNBOUNDED = 1e3  # Limits beyond this are none (m, rad)
+_REACH = 3.0  # Range of a slider to either side, for what has no limits (m)
 
 
 @dataclass(frozen=True)
@@ -56,8 +49,7 @@ class Primitive:
     """A box, a sphere, or a cylinder along z, about its origin."""
 
     type: Literal["box", "sphere", "cylinder"]
-    size: tuple[float, float, float]
-    """Along x, y and z (m)."""
+    size: tuple[float, float, float]  # Along x, y and z (m)
 
     @property
     def points(self) -> Array:
@@ -84,15 +76,12 @@ class Part:
     """A shape on a robot."""
 
     name: str
-    joint: int
-    """The joint that carries it, as Pinocchio counts them."""
+    joint: int  # The joint that carries it, as Pinocchio counts them
     role: Literal["visual", "collision", "mark"]
-    placement: pin.SE3
-    """In the joint's frame."""
+    placement: pin.SE3  # In the joint's frame
     shape: Primitive | Surface
     colour: Colour
-    link: str = ""
-    """The link that it is of; empty where it is of none."""
+    link: str = ""  # The link that it is of; empty where it is of none
 
 
 def robot_scene(
@@ -116,25 +105,20 @@ def robot_scene(
         rows = where.homogeneous.ravel().tolist()
         return {"name": name, "joint": int(joint), "placement": rows, **rest}
 
-    frames = [
-        placed(frame.name, frame.parentJoint, frame.placement)
-        for frame in model.frames
-        if frame.type == pin.FrameType.BODY
-    ]
+    described = []
+    for part in parts:
+        look = {"role": part.role, "shape": places[part.shape], "colour": list(part.colour)}
+        described.append(placed(part.name, part.joint, part.placement, **look))
     tip = model.frames[robot.tip_frame]
-    content = {
+    return {
         "name": robot.name,
         "joints": [_joint(robot, i) for i in range(1, model.njoints)],
-        "parts": [
-            placed(
-                *(part.name, part.joint, part.placement),
-                role=part.role,
-                shape=places[part.shape],
-                colour=list(part.colour),
-            )
-            for part in parts
+        "parts": described,
+        "frames": [
+            placed(frame.name, frame.parentJoint, frame.placement)
+            for frame in model.frames
+            if frame.type == pin.FrameType.BODY
         ],
-        "frames": frames,
         "masses": [
             {"joint": i, "mass": float(inertia.mass), "centre": inertia.lever.tolist()}
             for i, inertia in enumerate(model.inertias)
@@ -143,8 +127,7 @@ def robot_scene(
         "tip": placed(tip.name, tip.parentJoint, tip.placement),
         "wheels": [wheel._asdict() for wheel in robot.platform.wheels],
         "rest": robot.q_rest.tolist(),
-    }
-    return content, warnings
+    }, warnings
 
 
 def _joint(robot: MobileManipulator, index: int) -> dict[str, Any]:
@@ -198,30 +181,25 @@ def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
     skeleton of rods from joint to joint. Wheels whose turning would not show are marked; a body that
     the description gives as a box has wells for them.
     """
-    problems: dict[str, str] = {}
-    lost: dict[str, ET.Element] = {}
-    parts = list(_urdf_parts(robot, problems, lost))
+    parts, problems, lost = _urdf_parts(robot)
     model = robot.model
+    base = {model.getJointId(name) for name in BASE_JOINTS[:2] if model.existJointName(name)}
 
-    def bare() -> set[int]:
-        shown = {part.joint for part in parts if part.role == "visual"}
-        base = {model.getJointId(name) for name in BASE_JOINTS[:2] if model.existJointName(name)}
-        return set(range(1, model.njoints)) - shown - base
+    def unseen() -> tuple[set[int], dict[str, ET.Element]]:
+        shown = [part for part in parts if part.role == "visual"]
+        joints = set(range(1, model.njoints)) - base - {part.joint for part in shown}
+        links = {part.link for part in shown}
+        return joints, {name: link for name, link in lost.items() if name not in links}
 
-    unseen = bare()
-    for part in [part for part in parts if part.role == "visual"]:
-        lost.pop(part.link, None)
+    bare, hidden = unseen()
     parts += [
         replace(part, role="visual", name=f"{part.name}_shown")
         for part in parts
-        if (part.joint in unseen or part.link in lost) and part.role == "collision"
+        if (part.joint in bare or part.link in hidden) and part.role == "collision"
     ]
-    for part in [part for part in parts if part.role == "visual"]:
-        lost.pop(part.link, None)
-    parts += list(_wheels(robot, bare()))
-    wheels = {model.getJointId(wheel.joint) for wheel in robot.platform.wheels}
-    parts += list(_boxes(robot, lost, wheels))
-    parts += list(_skeleton(robot, bare()))
+    parts += list(_wheels(robot, unseen()[0]))
+    parts += list(_boxes(robot, unseen()[1]))
+    parts += list(_skeleton(robot, unseen()[0]))
     if "body" in robot.spec.platform.parameters:
         parts = [_with_wells(robot, part, parts) for part in parts]
     parts += list(_marks(robot, parts))
@@ -236,10 +214,10 @@ def robot_parts(robot: MobileManipulator) -> tuple[list[Part], list[str]]:
 
 
 def _urdf_parts(
-    robot: MobileManipulator, problems: dict[str, str], lost: dict[str, ET.Element]
-) -> Iterator[Part]:
-    """The shapes that a robot's URDFs give its links; why some are missing goes to ``problems``, by the
-    mesh's name, and the links that had them as visuals to ``lost``."""
+    robot: MobileManipulator,
+) -> tuple[list[Part], dict[str, str], dict[str, ET.Element]]:
+    """The shapes that a robot's URDFs give its links; why some are missing, by the mesh's name; and the
+    links that had them as visuals."""
     spec, model = robot.spec, robot.model
     prefixes = [*([] if spec.urdf is None else [""]), *(mount.prefix for mount in spec.mount)]
     located = {
@@ -247,13 +225,15 @@ def _urdf_parts(
         for prefix, file in zip(prefixes, robot.urdf.files, strict=True)
         for mesh in mesh_paths(file.parse(), file)
     }
+    problems: dict[str, str] = {}
+    lost: dict[str, ET.Element] = {}
     looks: list[tuple[ET.Element, ET.Element, ET.Element, MeshKey | None]] = []
     names: dict[MeshKey, str] = {}
-    seen: set[MeshKey] = set()
+    wanted: dict[MeshKey, bool] = {}  # those that are drawn at once
     for link in assemble(spec, robot.urdf).robot.iter("link"):
         name = str(link.get("name"))
         for look in [*link.findall("visual"), *link.findall("collision")]:
-            shape, key = shape_of(look), None
+            shape, key, visual = shape_of(look), None, look.tag == "visual"
             if shape is None:
                 continue
             if shape.tag == "mesh":
@@ -261,39 +241,35 @@ def _urdf_parts(
                 mesh = located.get((name, filename))
                 if mesh is None or mesh.path is None:
                     problems[repr(filename)] = "is not there" if mesh is None else mesh.problem
-                    if look.tag == "visual":
-                        lost[name] = link
-                else:
-                    x, y, z = vector(shape, "scale", (1.0, 1.0, 1.0)).tolist()
-                    key = (mesh.path, (x, y, z))
-                    names[key] = filename
-                    seen |= {key} if look.tag == "visual" else set()
+                    lost |= {name: link} if visual else {}
+                    continue
+                x, y, z = vector(shape, "scale", (1.0, 1.0, 1.0)).tolist()
+                key = (mesh.path, (x, y, z))
+                names[key], wanted[key] = filename, visual or wanted.get(key, False)
             looks.append((link, look, shape, key))
-    surfaces, unread = read_meshes({key: key in seen for key in names})
+    surfaces, unread = read_meshes(wanted)
     problems |= {repr(names[key]): f"({why})" for key, why in unread.items()}
-    count = 0
+    parts: list[Part] = []
     for link, look, shape, key in looks:
-        link_name = str(link.get("name"))
-        frame = model.frames[model.getFrameId(link_name, pin.FrameType.BODY)]
+        name = str(link.get("name"))
+        role: Literal["visual", "collision"] = "visual" if look.tag == "visual" else "collision"
+        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
         place = frame.placement * pin.SE3(*placement(look))
         own = look.find("material/color")
-        drawn = _primitive(shape) if key is None else surfaces.get(key, [])
-        if key in unread and look.tag == "visual":
-            lost[link_name] = link
-        for one in drawn:
+        if key in unread and role == "visual":
+            lost[name] = link
+        for one in _primitive(shape) if key is None else surfaces.get(key, []):
             colour = one.colour if isinstance(one, Surface) else None
             if own is not None:
                 r, g, b, a = map(float, own.get("rgba", "").split())
                 colour = (r, g, b, a)
-            role: Literal["visual", "collision"] = "visual" if look.tag == "visual" else "collision"
-            part_name = f"{link_name}_{role}_{count}"
-            tint = colour or _GREY
-            yield Part(part_name, frame.parentJoint, role, place, one, tint, link_name)
-            count += 1
+            called = f"{name}_{role}_{len(parts)}"
+            parts.append(Part(called, frame.parentJoint, role, place, one, colour or _GREY, name))
+    return parts, problems, lost
 
 
-def _primitive(element: ET.Element) -> list[Primitive]:
-    """The shape of an element; none for a mesh."""
+def _primitive(element: ET.Element) -> Sequence[Primitive | Surface]:
+    """The shape of an element; none for a kind that is not drawn."""
     if element.tag == "box":
         x, y, z = vector(element, "size").tolist()
         return [Primitive("box", (x, y, z))]
@@ -312,11 +288,10 @@ def _wheels(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
             yield Part(f"{wheel.joint}_wheel", index, "visual", place, shape, _DARK)
 
 
-def _boxes(
-    robot: MobileManipulator, links: Mapping[str, ET.Element], wheels: set[int]
-) -> Iterator[Part]:
+def _boxes(robot: MobileManipulator, links: Mapping[str, ET.Element]) -> Iterator[Part]:
     """The homogeneous box that has each link's mass and inertia, smaller if it would be too light; none
     for wheels."""
+    wheels = {robot.model.getJointId(wheel.joint) for wheel in robot.platform.wheels}
     for name, link in links.items():
         frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
         inertial = link.find("inertial")
@@ -349,7 +324,7 @@ def _with_wells(robot: MobileManipulator, part: Part, parts: list[Part]) -> Part
         place = body.actInv(data.oMi[index])
         axle = np.abs(place.rotation @ _axis(model, index)[0])
         points = [
-            (body.actInv(data.oMi[index] * one.placement)).act(point)
+            body.actInv(data.oMi[index] * one.placement).act(point)
             for one in parts
             if one.joint == index and one.role == "visual"
             for point in one.shape.points

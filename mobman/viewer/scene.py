@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -24,12 +24,10 @@ from mobman.robots.urdf.read import UrdfSources, urdf_file, urdf_sources
 from mobman.simulation.monitors import MARGINS, ratios_of
 from mobman.simulation.parts import robot_of
 from mobman.simulation.record import Record
-from mobman.viewer.meshes import Surface
-from mobman.viewer.page import packed
+from mobman.viewer.meshes import Surface, packed
 from mobman.viewer.robot import Primitive, robot_points, robot_scene
 
 Layout = Literal["overlay", "side-by-side"]
-LAYOUTS: tuple[Layout, Layout] = ("overlay", "side-by-side")
 CAMERAS = {
     "front": (1.0, 0.0, 0.0),
     "back": (-1.0, 0.0, 0.0),
@@ -54,34 +52,25 @@ _MARGIN = 0.4
 
 
 class SampledRun(NamedTuple):
-    """A run at N of its own samples."""
+    """A run at N of its own samples; what it does not have is None."""
 
-    t: Array
-    """s, shape (N,)."""
-    tip: Array
-    """Tip position (m), shape (N, 3)."""
-    desired: Array
-    """p_d (m), shape (N, 3)."""
-    error: Array
-    """|e^e| (m), shape (N,)."""
-    platform: Array
-    """The platform's reference point (m), shape (N, 3)."""
+    t: Array  # s, shape (N,)
+    tip: Array  # Tip position (m), shape (N, 3)
+    desired: Array  # p_d (m), shape (N, 3)
+    error: Array  # |e^e| (m), shape (N,)
+    platform: Array  # The platform's reference point (m), shape (N, 3)
     q: Array | None = None
-    """Configuration, shape (N, nq); None without a robot."""
-    q_dot: Array | None = None
-    """Rate of the configuration, shape (N, nq)."""
+    """Configuration, shape (N, nq); as the two below, of a robot that is known."""
+    q_dot: Array | None = None  # Rate of the configuration, shape (N, nq)
     effort: Array | None = None
     """B' v: the generalised force on each coordinate (N m, N), shape (N, nq)."""
     turn: Array | None = None
-    """Desired orientation: unit quaternion (x, y, z, w), shape (N, 4), or direction, shape (N, 3); None
-    for tasks without one."""
-    angle: Array | None = None
-    """Angle between the tip and that (rad), shape (N,)."""
+    """Desired orientation: unit quaternion (x, y, z, w), shape (N, 4), or direction, shape (N, 3)."""
+    angle: Array | None = None  # Angle between the tip and that (rad), shape (N,)
     margins: Array | None = None
     """Margins of the gains of both stages in a monitored run, the least until the next sample;
     shape (N, 2)."""
-    path: Array | None = None
-    """p_d of all of the run (m), shape (M, 3), if it has only begun."""
+    path: Array | None = None  # p_d of all of the run (m), shape (M, 3), if it has only begun
 
     def begun(self) -> SampledRun:
         """Keep the first sample, and the desired path."""
@@ -90,9 +79,9 @@ class SampledRun(NamedTuple):
 
     def described(self) -> dict[str, Any]:
         """The motion for the page."""
-        single = ("error", "platform", "effort", "turn", "angle", "margins")
+        double = ("t", "tip", "desired", "q", "q_dot", "path")
         return {
-            name: None if array is None else packed(array, "f4" if name in single else "f8")
+            name: None if array is None else packed(array, "f8" if name in double else "f4")
             for name, array in self._asdict().items()
         }
 
@@ -118,15 +107,13 @@ def motion(record: States, robot: MobileManipulator | None, *, runs: int = 1) ->
         if name in record.joint_names:
             platform[:, i] = q[:, record.joint_names.index(name)]
     error = np.linalg.norm(record.task_error[kept, :3], axis=1)
-    turn, angle = record.tip_desired_orientation, None
+    turn, angle, margins = record.tip_desired_orientation, None, None
     if turn is not None:
         turn = turn[kept] if turn.shape[1] == 3 else np.roll(turn[kept], -1, axis=1)
         half = 0.5 * np.linalg.norm(record.task_error[kept, 3:], axis=1)
         angle = 2.0 * np.arcsin(np.minimum(half, 1.0))
-    own = ratios_of(getattr(record, "signals", {}))
-    margins = (
-        np.array([np.fmin.reduceat(one, kept) for one in own[MARGINS].values()]).T if own else None
-    )
+    if own := ratios_of(getattr(record, "signals", {})):
+        margins = np.array([np.fmin.reduceat(one, kept) for one in own[MARGINS].values()]).T
     sampled = SampledRun(t, tip, desired, error, platform, turn=turn, angle=angle, margins=margins)
     if robot is None:
         return sampled
@@ -134,7 +121,7 @@ def motion(record: States, robot: MobileManipulator | None, *, runs: int = 1) ->
         tip[:, 2] = desired[:, 2] = [robot.tip_pose(row).translation[2] for row in q]
     q_dot = np.array([robot.velocity_map(a) @ b for a, b in zip(q, z, strict=True)])
     effort = np.array([robot.actuation(a) @ b for a, b in zip(q, torque, strict=True)])
-    return sampled._replace(tip=tip, desired=desired, q=q, q_dot=q_dot, effort=effort)
+    return sampled._replace(q=q, q_dot=q_dot, effort=effort)
 
 
 def frames(t: Array, most: int = MOST_FRAMES) -> Index:
@@ -159,8 +146,7 @@ class Scene:
 
     title: str
     content: dict[str, Any]
-    warnings: tuple[str, ...] = ()
-    """Messages about what is drawn otherwise than it should be."""
+    warnings: tuple[str, ...] = ()  # Messages about what is drawn otherwise than it should be
 
     @property
     def duration(self) -> float:
@@ -175,19 +161,12 @@ class ShownRun:
     record: States
     name: str
     folder: Path | None = None
-    robot: MobileManipulator | None = None
-    """The robot itself, where it is at hand."""
+    robot: MobileManipulator | None = None  # The robot itself, where it is at hand
 
 
 def direction(camera: str | Sequence[float] | None) -> tuple[float, ...] | None:
-    """Read a direction to look from: the name of a preset, or three numbers.
-
-    Args:
-        camera: One of :data:`CAMERAS`, numbers, or numbers as text, ``"1,-1,0.5"``; None for none.
-
-    Raises:
-        UsageError: If it is neither.
-    """
+    """Read a direction to look from: one of :data:`CAMERAS`, three numbers, or these as text,
+    ``"1,-1,0.5"``; None for none. UsageError if it is neither."""
     if camera is None:
         return None
     if isinstance(camera, str) and camera in CAMERAS:
@@ -205,14 +184,11 @@ def direction(camera: str | Sequence[float] | None) -> tuple[float, ...] | None:
     return found
 
 
-def check_view(time: Any = None, layout: Any = LAYOUTS[0]) -> None:
-    """Check an instant of a run (s; None is any), and how several runs are laid out.
-
-    Raises:
-        UsageError: If the time is no number from 0 on, or there is no such layout.
-    """
-    if layout not in LAYOUTS:
-        raise UsageError(f"layout = {layout!r}: allowed: {', '.join(LAYOUTS)}")
+def check_view(time: Any = None, layout: Any = "overlay") -> None:
+    """Check an instant of a run (s; None is any), and how several runs are laid out; UsageError if the
+    time is no number from 0 on, or there is no such layout."""
+    if layout not in get_args(Layout):
+        raise UsageError(f"layout = {layout!r}: allowed: {', '.join(get_args(Layout))}")
     if time is not None and not (isinstance(time, Real) and 0.0 <= float(time) < math.inf):
         raise UsageError(f"time = {time!r}: must be a number, 0 or more (s)")
 
@@ -220,11 +196,7 @@ def check_view(time: Any = None, layout: Any = LAYOUTS[0]) -> None:
 def scene_of_robot(
     robot: MobileManipulator, *, camera: str | Sequence[float] | None = None
 ) -> Scene:
-    """Show a robot at rest, to be moved by hand.
-
-    Raises:
-        UsageError: If the camera is neither a preset nor a direction.
-    """
+    """Show a robot at rest, to be moved by hand; ``camera`` as of :func:`direction`."""
     info = {"robot": robot.name, "description": robot.spec.description}
     run = {"label": robot.name, "colour": LAWS["tsm"], "motion": None, "info": info}
     points = robot_points(robot, robot.q_rest)
@@ -247,11 +219,10 @@ def scene_of_runs(
         time: Time that it opens at (s); the end of a single run that failed, and else its beginning, by
             default.
         live: True to show the first sample and the desired path alone: the page follows the rest.
-        camera: Direction to look from: the name of a preset, or three numbers in the world's axes.
+        camera: As of :func:`direction`.
 
     Raises:
-        UsageError: If there is no run, a run has no sample, the time is no number, or the camera is
-            neither a preset nor a direction.
+        UsageError: If there is no run, a run has no sample, or as of :func:`check_view`.
     """
     if not runs:
         raise UsageError("there is no run to show")
@@ -271,12 +242,12 @@ def scene_of_runs(
             warnings.append(
                 f"run {run.name!r}: the robot {record.robot!r} is not drawn, only the paths: {problem}"
             )
-        info = {field: getattr(record, field) for field in _FIELDS}
         moved = motion(record, robot, runs=len(runs))
         motions.append(moved)
         extents.append(_extent(moved, robot))
-        frames = (moved.begun() if live else moved).described()
+        info = {field: getattr(record, field) for field in _FIELDS}
         info["problem"] = problem if robot is None else None
+        frames = (moved.begun() if live else moved).described()
         content = {"label": label, "colour": look.colour, "motion": frames, "info": info}
         shown.append((content, robot))
     duration = max(float(moved.t[-1]) for moved in motions)
@@ -286,18 +257,10 @@ def scene_of_runs(
         ", ".join(dict.fromkeys(getattr(record, field) for record in records))
         for field in ("robot", "task", "scenario", "controller")
     )
-    return _scene(
-        title,
-        shown,
-        extents,
-        warnings,
-        layout=layout,
-        duration=duration,
-        start=min(time, duration),
-        error_decades=_decades(motions),
-        live=live,
-        camera=direction(camera),
-    )
+    clock = {"duration": duration, "start": min(time, duration), "live": live}
+    decades, seen_from = _decades(motions), direction(camera)
+    rest = {"layout": layout, **clock, "error_decades": decades, "camera": seen_from}
+    return _scene(title, shown, extents, warnings, **rest)
 
 
 def _scene(
@@ -341,12 +304,8 @@ def _scene(
 
 
 def labels(records: Sequence[States], names: Sequence[str]) -> list[str]:
-    """Label runs in a comparison by what distinguishes them.
-
-    Args:
-        records: The runs.
-        names: Names for those that are alike in everything, such as their files'.
-    """
+    """Label runs in a comparison by what distinguishes them; those that are alike in everything also by
+    names, such as their files'."""
     described = [(r.robot, r.controller, r.task, r.scenario, f"seed {r.seed}") for r in records]
     telling = [field for field in zip(*described, strict=True) if len(set(field)) > 1]
     found = [" · ".join(parts) for parts in zip(*telling, strict=True)]

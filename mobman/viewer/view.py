@@ -15,7 +15,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter, sleep
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import UsageError
-from mobman.files import as_path
+from mobman.files import as_path, write_all
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.platforms.custom import without_code
@@ -31,29 +31,16 @@ from mobman.robots.catalogue import list_robots
 from mobman.robots.spec import RobotSpec
 from mobman.simulation.record import Record, load_record
 from mobman.tasks.task import make_task
-from mobman.viewer.page import LOOPBACK, PageServer, document, write_whole
-from mobman.viewer.pictures import save_film, save_picture
-from mobman.viewer.scene import (
-    FRAMES_PER_SECOND,
-    MOST_FRAMES,
-    Layout,
-    Scene,
-    ShownRun,
-    check_view,
-    motion,
-    scene_of_robot,
-    scene_of_runs,
-)
+from mobman.viewer import scene as scenes
+from mobman.viewer.page import LOOPBACK, PageServer, document, save_film, save_picture
 
 Viewable = Record | MobileManipulator | RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
 """A run or its file, or a robot in any form that :func:`mobman.load_robot` takes."""
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEIGHT = 620  # pixels, in a notebook
-_RATED = 1.0
-"""Time over which the rate of a live run is taken (s)."""
-_BEHIND = 0.1
-"""Delay behind the clock that a live run makes up for (s); a longer one is kept."""
+_RATED = 1.0  # Time over which the rate of a live run is taken (s)
+_BEHIND = 0.1  # Delay behind the clock that a live run makes up for (s); a longer one is kept
 
 
 class View:
@@ -62,20 +49,13 @@ class View:
     The server is started when its address is first asked for. It lives in this process and ends with
     it, or with :meth:`close`; a view is a context manager that closes itself.
 
-    Attributes:
+    Args:
         scene: The scene that it shows.
+        serving: ``host``, ``port`` and ``frames`` of the :class:`~mobman.viewer.page.PageServer`.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        *,
-        host: str = LOOPBACK,
-        port: int | None = None,
-        frames: Callable[[float], str] | None = None,
-    ) -> None:
-        self.scene = scene
-        self._serving = (host, port, frames)
+    def __init__(self, scene: scenes.Scene, **serving: Any) -> None:
+        self.scene, self._serving = scene, serving
         self._server: PageServer | None = None
         self._file: Path | None = None
         self._closed = False
@@ -92,7 +72,7 @@ class View:
         if self._closed:
             raise UsageError("this view is closed; make a new one")
         if self._server is None:
-            self._server = PageServer(self.html(), *self._serving)
+            self._server = PageServer(self.html(), **self._serving)
         return self._server.url
 
     def html(self) -> str:
@@ -100,26 +80,27 @@ class View:
         return document(self.scene.title, self.scene.content)
 
     def save(self, path: str | os.PathLike[str], **options: Any) -> Path:
-        """Write it to a file: whole, or not at all.
+        """Write it to a file: whole, or not at all; return the file's path.
 
         Args:
             path: ``.html`` for the page, ``.png`` for a picture, ``.gif`` or ``.mp4`` for a film.
-            options: For a picture ``time`` (s), ``size`` (pixels), ``scale`` (2 for twice as many)
-                and ``transparent``; for a film ``fps``, ``size`` and ``speed``.
-
-        Returns:
-            The file's path.
+            options: For a picture ``time`` (s; the end of the longest run by default), ``size`` (width
+                and height, pixels), ``scale`` (pixels of the file for each of these: letters and lines
+                grow with it) and ``transparent`` (robots, lines, labels and shadows alone, on nothing).
+                For a film ``fps`` (frames a second; 30, and 20 for a GIF, by default), ``size``,
+                ``speed`` (seconds of the run a second) and ``progress`` (told the share done, 0 to 1).
 
         Raises:
-            UsageError: If the file's kind is another, or an option cannot be.
-            MobmanError: If there is no browser for a picture, or the file cannot be written.
+            UsageError: If the file's kind is another, an option cannot be, or nothing moves in a film.
+            BrowserError: If there is no browser for a picture.
+            MobmanError: If the file cannot be written, or a film's encoder is missing.
         """
         file = as_path("path", path)
         kind = file.suffix.lower()
         if kind in (".html", ".htm"):
             if options:
                 raise UsageError(f"{file}: a page has no option {', '.join(options)}")
-            write_whole(file, lambda place: place.write_text(self.html(), encoding="utf-8"))
+            write_all({file: self.html().encode()})
             return file
         if kind not in (".png", ".gif", ".mp4"):
             raise UsageError(f"{file}: allowed: a file .html, .png, .gif or .mp4")
@@ -132,10 +113,11 @@ class View:
 
     def open(self) -> bool:
         """Open it in the user's browser; return whether there was one to open."""
-        if not _has_screen():
-            return False
+        known = ("BROWSER", "DISPLAY", "WAYLAND_DISPLAY")
+        # without a screen a text browser would take the terminal
+        screen = sys.platform in ("win32", "darwin") or any(map(os.environ.get, known))
         try:
-            return webbrowser.open(self.url)
+            return screen and webbrowser.open(self.url)
         except webbrowser.Error:
             return False
 
@@ -156,11 +138,9 @@ class View:
         return f"View({self.scene.title!r})"
 
     def _repr_html_(self) -> str:
-        page = html_text.escape(self.html(), quote=True)
-        return (
-            f'<iframe srcdoc="{page}" style="width: 100%; height: {_HEIGHT}px; border: 0" '
-            f'title="{html_text.escape(self.scene.title)}"></iframe>'
-        )
+        page, title = map(html_text.escape, (self.html(), self.scene.title))
+        style = f"width: 100%; height: {_HEIGHT}px; border: 0"
+        return f'<iframe srcdoc="{page}" style="{style}" title="{title}"></iframe>'
 
 
 def view(
@@ -170,7 +150,7 @@ def view(
     open_browser: bool | None = None,
     host: str = LOOPBACK,
     port: int | None = None,
-    layout: Layout = "overlay",
+    layout: scenes.Layout = "overlay",
     time: float | None = None,
     camera: str | Sequence[float] | None = None,
 ) -> View:
@@ -188,7 +168,7 @@ def view(
             the view shows itself, or a file was written.
         host: Address to listen on; this machine alone by default.
         port: Port to listen on; a free one by default.
-        layout: Layout of several runs: ``"overlay"`` or ``"side-by-side"``.
+        layout: scenes.Layout of several runs: ``"overlay"`` or ``"side-by-side"``.
         time: Time that a replay opens at (s); by default its beginning, or the end of a run that failed.
         camera: Direction to look from, in the world's axes: ``"front"``, ``"back"``, ``"left"``,
             ``"side"``, ``"top"``, ``"iso"``, or three numbers.
@@ -204,12 +184,12 @@ def view(
     scene = make_scene(what, layout=layout, time=time, camera=camera)
     for warning in scene.warnings:
         warnings.warn(warning, stacklevel=2)
-    shown = View(scene, host=host, port=port)
+    shown, notebook = View(scene, host=host, port=port), _in_notebook()
     if html is not None:
         shown._file = shown.save(html)
-    elif port is not None or not _in_notebook():
+    elif port is not None or not notebook:
         _ = shown.url  # so that a port that is taken is met here
-    if open_browser or (open_browser is None and html is None and not _in_notebook()):
+    if open_browser or (open_browser is None and html is None and not notebook):
         shown.open()
     return shown
 
@@ -217,31 +197,28 @@ def view(
 def make_scene(
     what: Viewable | Iterable[Viewable],
     *,
-    layout: Layout = "overlay",
+    layout: scenes.Layout = "overlay",
     time: float | None = None,
     camera: str | Sequence[float] | None = None,
-) -> Scene:
-    """Make the scene that :func:`view` shows, as plain data.
-
-    Raises:
-        MobmanError: As :func:`view` does.
-    """
-    check_view(time, layout)
+) -> scenes.Scene:
+    """Make the scene that :func:`view` shows, as plain data; it raises what that raises."""
+    scenes.check_view(time, layout)
     single = isinstance(what, (Record, MobileManipulator, RobotSpec, Mapping, str, os.PathLike))
     if not single and not isinstance(what, Iterable):
         raise UsageError(f"{what!r} cannot be shown: give a robot, a run, or several runs")
     things: list[Any] = [what] if single else list(what)  # type: ignore[arg-type]
     if not things:
         raise UsageError("there is nothing to show: give a robot, a run, or several runs")
-    runs = [_run(thing) for thing in things if _is_run(thing)]
-    robots = [thing for thing in things if not _is_run(thing)]
+    found = [_run(thing) for thing in things]
+    runs = [run for run in found if run is not None]
+    robots = [thing for thing, run in zip(things, found, strict=True) if run is None]
     if runs and robots:
         raise UsageError(f"{robots[0]!r} is a robot, the others are runs: show one or the other")
     if len(robots) > 1:
         raise UsageError("one robot at a time can be shown; several runs can")
     if robots:
-        return scene_of_robot(_robot(robots[0]), camera=camera)
-    return scene_of_runs(runs, layout=layout, time=time, camera=camera)
+        return scenes.scene_of_robot(_robot(robots[0]), camera=camera)
+    return scenes.scene_of_runs(runs, layout=layout, time=time, camera=camera)
 
 
 def _robot(what: Any) -> MobileManipulator:
@@ -253,24 +230,18 @@ def _robot(what: Any) -> MobileManipulator:
         return load_robot(what)
 
 
-def _is_run(thing: Any) -> bool:
-    if not isinstance(thing, (str, os.PathLike)):
-        return isinstance(thing, Record)
-    path = Path(thing)
-    if path.suffix.lower() in (".h5", ".hdf5", ".hdf"):
-        return True
-    try:
-        with path.open("rb") as file:
-            return file.read(len(_HDF5)) == _HDF5
-    except (OSError, ValueError):
-        return False
-
-
-def _run(thing: Any) -> ShownRun:
+def _run(thing: Any) -> scenes.ShownRun | None:
+    """The run that something is or that its file holds; None if it is none."""
     if isinstance(thing, Record):
-        return ShownRun(thing, thing.controller)
-    path = Path(thing)
-    return ShownRun(load_record(path), path.stem, path.resolve().parent)
+        return scenes.ShownRun(thing, thing.controller)
+    if not isinstance(thing, (str, os.PathLike)):
+        return None
+    path, begins_so = Path(thing), False
+    with contextlib.suppress(OSError, ValueError), path.open("rb") as file:
+        begins_so = file.read(len(_HDF5)) == _HDF5
+    if not begins_so and path.suffix.lower() not in (".h5", ".hdf5", ".hdf"):
+        return None
+    return scenes.ShownRun(load_record(path), path.stem, path.resolve().parent)
 
 
 class LiveRun:
@@ -282,12 +253,10 @@ class LiveRun:
     Args:
         robot: The robot, at rest where it begins.
         task: The task's name.
-        task_options: Its parameters that are not to have their defaults.
+        options: Its parameters that are not to have their defaults.
         duration: Duration of the run (s).
         speed: Simulated seconds a second at most; None for as fast as it goes.
-        controller: Its name, to be shown.
-        scenario: Its name, to be shown.
-        seed: To be shown.
+        about: To be shown: names of the ``controller`` and the ``scenario``, and the ``seed``.
 
     Raises:
         UsageError: If the speed or the duration is not a positive number.
@@ -301,24 +270,22 @@ class LiveRun:
         self,
         robot: MobileManipulator,
         task: str,
+        options: Mapping[str, Any] = MappingProxyType({}),
         *,
-        task_options: Mapping[str, Any] | None = None,
         duration: float,
         speed: float | None = 1.0,
-        controller: str = "",
-        scenario: str = "",
-        seed: int = 0,
+        **about: Any,
     ) -> None:
         for name, value in (("speed", speed), ("duration", duration)):
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise UsageError(f"{name} = {value!r}: must be a positive number")
-        self.every = max(1.0 / FRAMES_PER_SECOND, duration / MOST_FRAMES)
+        self.every = max(1.0 / scenes.FRAMES_PER_SECOND, duration / scenes.MOST_FRAMES)
         self._speed = speed
         self._began: float | None = None
         self._robot = load_robot(robot.spec)
-        self._task = make_task(task, self._robot, **(task_options or {}))
-        self._about: dict[str, Any] = {"robot": robot.name, "controller": controller, "task": task}
-        self._about |= {"scenario": scenario, "seed": seed, "status": "ok", "message": ""}
+        self._task = make_task(task, self._robot, **options)
+        self._about: dict[str, Any] = {"controller": "", "scenario": "", "seed": 0, **about}
+        self._about |= {"robot": robot.name, "task": task, "status": "ok", "message": ""}
         self._space = TaskSpace(self._robot, self._task)
         self._samples: list[tuple[float, Array, Array, Array]] = []
         self._taken: list[float] = []  # when each was, by the clock (s)
@@ -327,7 +294,7 @@ class LiveRun:
         times = [*np.arange(0.0, duration, self.every), duration]
         still = np.zeros(self._robot.nz)
         rest = self._states([(t, self._robot.q_rest, still, still) for t in times])
-        self.scene = scene_of_runs([ShownRun(rest, "", robot=self._robot)], live=True)
+        self.scene = scenes.scene_of_runs([scenes.ShownRun(rest, "", robot=self._robot)], live=True)
         self.scene.content["live_speed"] = speed
 
     def observe(self, t: float, q: Array, z: Array, torque: Array) -> None:
@@ -339,12 +306,13 @@ class LiveRun:
         now, due = perf_counter(), t / self._speed
         if self._began is None or now - self._began - due > _BEHIND:
             self._began = now - due
-        if (early := self._began + due - now) > 0.0:
-            sleep(early)
+        sleep(max(0.0, self._began + due - now))
 
     def finish(self, record: Record) -> None:
         """Give the page all of the run, which has ended."""
-        content = scene_of_runs([ShownRun(record, record.controller, robot=self._robot)]).content
+        content = scenes.scene_of_runs(
+            [scenes.ShownRun(record, record.controller, robot=self._robot)]
+        ).content
         told = {name: content["runs"][0][name] for name in ("motion", "info")}
         told |= {"ended": True, "error_decades": content["error_decades"]}
         self._whole = json.dumps(told)
@@ -362,7 +330,7 @@ class LiveRun:
         later = samples[bisect_right(samples, after, key=lambda sample: sample[0]) :]
         if not later:
             return "{}"
-        moved = motion(self._states(later), self._robot)
+        moved = scenes.motion(self._states(later), self._robot)
         return json.dumps({"motion": moved.described(), "rate": self._rate(len(samples))})
 
     def _rate(self, count: int) -> float | None:
@@ -374,12 +342,16 @@ class LiveRun:
         return (self._samples[last][0] - self._samples[first][0]) / passed
 
     def _states(self, samples: list[tuple[float, Array, Array, Array]]) -> SimpleNamespace:
-        parts = zip(("t", "q", "z", "torque"), zip(*samples, strict=True), strict=True)
-        seen = (self._seen(*sample[:3]) for sample in samples)
-        tip, desired, error = (np.array(part) for part in zip(*seen, strict=True))
+        """What a scene needs of a record, at some samples."""
+        t, q, z, torque = map(np.array, zip(*samples, strict=True))
+        seen = [self._seen(*sample[:3]) for sample in samples]
+        tip, desired, error = map(np.array, zip(*seen, strict=True))
         m = tip.shape[1]
         return SimpleNamespace(
-            **{name: np.array(values) for name, values in parts},
+            t=t,
+            q=q,
+            z=z,
+            torque=torque,
             tip_position=tip,
             tip_desired=desired[:, :m],
             tip_desired_orientation=desired[:, m:] if desired.shape[1] > m else None,
@@ -392,8 +364,7 @@ class LiveRun:
         """Tip position, p_d and task error at a state."""
         space = self._space
         space.at(t, q, z)
-        tip = space.f[:3].copy()
-        return tip, self._task.desired(float(t))[0], space.f - space.p_d[0]
+        return space.f[:3].copy(), self._task.desired(float(t))[0], space.f - space.p_d[0]
 
 
 def _in_notebook() -> bool:
@@ -401,10 +372,3 @@ def _in_notebook() -> bool:
     shell = sys.modules.get("IPython")
     running = None if shell is None else shell.get_ipython()
     return running is not None and "IPKernelApp" in getattr(running, "config", {})
-
-
-def _has_screen() -> bool:
-    """Tell whether a browser can open a window; else a text browser would take the terminal."""
-    if sys.platform in ("win32", "darwin") or os.environ.get("BROWSER"):
-        return True
-    return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

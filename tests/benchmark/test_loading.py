@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from mobman.resources import resource_folder
+from mobman.files import resource_folder
 
 
 def test_it_measures_the_robots_that_are_asked_for():

@@ -18,7 +18,7 @@ from jsonschema import Draft202012Validator
 import mobman as mm
 from mobman.bridges.export import export
 from mobman.cli.main import mobman
-from mobman.resources import resource_folder
+from mobman.files import resource_folder
 
 # of several types of platform, with and without meshes
 ROBOTS = [

@@ -99,7 +99,7 @@ def test_a_law_without_gains_or_with_gains_without_defaults_is_shown(monkeypatch
     gains = dataclasses.make_dataclass("Gains", [("k", float)])
     monkeypatch.setitem(controllers._items, "plain", type("Plain", (), {"__doc__": "Mine."}))
     monkeypatch.setitem(controllers._items, "given", type("Given", (), {"Gains": gains}))
-    _, facts = names._controllers()
+    facts = names._controller
     assert facts("plain") == {"name": "plain", "description": "Mine.", "uses": [], "gains": []}
     assert facts("given")["gains"] == [{"name": "k", "default": None, "unit": "", "meaning": ""}]
 

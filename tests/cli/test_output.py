@@ -14,8 +14,7 @@ from support.command_line import mobman
 
 import mobman as mm
 from mobman.cli.main import mobman as group
-from mobman.cli.output import shortened, table
-from mobman.cli.progress import SuiteDisplay, progress_bar
+from mobman.cli.output import SuiteDisplay, progress_bar, shortened, table
 
 RUN = ("run", "youbot", "--controller", "pseudo-inverse", "--duration", "0.02")
 

@@ -7,7 +7,7 @@ import pytest
 from support.variants import description
 
 import mobman as mm
-from mobman.resources import resource_folder
+from mobman.files import resource_folder
 
 TIME = 1.0  # of the passage (s)
 

@@ -21,9 +21,9 @@ import mobman as mm
 from mobman.benchmark.runner import run_suite
 from mobman.benchmark.suite import Suite, load_suite
 from mobman.controllers.protocol import INFORMATION, controllers
+from mobman.files import resource_folder
 from mobman.model.platforms.body import Body
 from mobman.model.platforms.platform import platforms
-from mobman.resources import resource_folder
 from mobman.simulation.disturbances import disturbances
 from mobman.simulation.metrics import list_metrics
 from mobman.simulation.scenario import Scenario

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from mobman.resources import resource_folder
+from mobman.files import resource_folder
 
 ROBOTS = resource_folder("robots")
 

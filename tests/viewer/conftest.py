@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 
 import mobman as mm
 
+PROBES = (Path(__file__).parent / "probes.js").read_text(encoding="utf-8")
 SIZE = {"width": 740, "height": 360}  # small: a processor draws it
 
 
@@ -32,6 +34,7 @@ def opened(browser):
             page.goto(url)
             shown = page.frames[1] if framed else page
             assert shown.evaluate("window.mobman.ready") is True
+            shown.evaluate(PROBES)
             if not draws:
                 shown.evaluate("() => { mobman.app.render = () => {}; }")
             yield shown

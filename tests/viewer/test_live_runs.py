@@ -248,13 +248,13 @@ def test_the_command_is_interrupted_while_it_runs(browser):
         page.goto(url)
         page.evaluate("window.mobman.ready")
         page.evaluate("() => { mobman.app.render = () => {}; }")
-        page.wait_for_function("mobman.time() > 0.1", timeout=60_000)
+        page.wait_for_function("mobman.app.time > 0.1", timeout=60_000)
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=20)
         assert process.returncode == 130
         assert error.strip() == "mobman: interrupted"
         # what had come is still there
-        page.wait_for_function("!mobman.live()")
+        page.wait_for_function("!mobman.app.live")
         assert "interrupted" in page.inner_text("#info")
         assert page.evaluate("document.getElementById('time').disabled") is False
     finally:

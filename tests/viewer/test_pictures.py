@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import mobman as mm
-from mobman.viewer.pictures import BrowserError, BrowserMissingError
+from mobman.viewer.page import BrowserError, BrowserMissingError
 from mobman.viewer.view import View, make_scene
 
 SMALL = (320, 200)

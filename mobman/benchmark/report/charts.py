@@ -16,6 +16,7 @@ from mobman.benchmark.report.data import DONE, NOMINAL, Results
 from mobman.benchmark.report.format import instant, interval_range, number
 from mobman.benchmark.report.standings import EFFORTS, Board, Price, clusters, upper_median
 from mobman.benchmark.statistics import Interval, performance_profile, score_profile
+from mobman.display import printable
 from mobman.figures.charts import (
     FLOOR,
     GREY,
@@ -35,7 +36,6 @@ from mobman.figures.charts import (
     torque_charts,
 )
 from mobman.figures.looks import Look, looks_of
-from mobman.printable import printable
 from mobman.simulation.metrics import STEADY
 from mobman.simulation.monitors import STAGES
 

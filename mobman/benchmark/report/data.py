@@ -20,9 +20,9 @@ from mobman.arrays import Array
 from mobman.benchmark.statistics import FLOOR
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite_tables import TunedFrom
+from mobman.display import printable
 from mobman.errors import MobmanError, RecordError
-from mobman.input_file import check_within
-from mobman.printable import printable
+from mobman.files import check_within
 from mobman.simulation.record import RecordSummary, load_record
 from mobman.simulation.run_spec import Cell, RunSpec
 

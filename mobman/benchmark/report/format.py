@@ -11,7 +11,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from mobman.benchmark.statistics import Interval
-from mobman.printable import printable
+from mobman.display import printable
 
 UNDEFINED = "–"
 NEVER = "never"

@@ -12,9 +12,10 @@ from mobman.benchmark.report.data import DONE, Results
 from mobman.benchmark.report.format import listing, slug
 from mobman.benchmark.report.standings import EFFORTS, board_of, prices_of, select
 from mobman.benchmark.report.tables import Entry, Table
+from mobman.display import printable
 from mobman.errors import MobmanError
 from mobman.figures import files
-from mobman.printable import printable
+from mobman.files import write_all
 
 _SYMBOLS = {
     "\\": r"\textbackslash{}",
@@ -97,7 +98,7 @@ def write_latex(
     for name, figure in figures.items():
         found[folder / f"{name}.pdf"] = files.printed(figure.charts, how, across=figure.across)
     try:
-        files.write_all(found)
+        write_all(found)
     except MobmanError as error:
         raise MobmanError(f"cannot write LaTeX files to {folder}: {error}") from error
     return list(found)

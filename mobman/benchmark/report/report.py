@@ -19,11 +19,11 @@ from mobman.benchmark.report.data import DONE, NOT_RUN, Results, WriteReplay, cs
 from mobman.benchmark.report.standings import EFFORTS, board_of, prices_of, select
 from mobman.benchmark.store import Store
 from mobman.controllers.protocol import INFORMATION
+from mobman.display import printable
 from mobman.errors import MobmanError
 from mobman.figures import files
 from mobman.figures.looks import Look
-from mobman.input_file import check_within
-from mobman.printable import printable
+from mobman.files import check_within, write_all
 from mobman.simulation.metrics import STEADY, list_metrics
 
 _FIGURES = "figures"
@@ -123,7 +123,7 @@ def write_report(folder: Path, results: Results, cells: Sequence[str] = ()) -> R
     contents |= {p: text.encode("utf-8", "backslashreplace") for p, text in texts.items()}
     check_within(folder / _FIGURES, folder)
     try:
-        files.write_all(contents)
+        write_all(contents)
     except MobmanError as error:
         raise MobmanError(f"{error}; another folder can be given with -o") from error
     return found

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from mobman.errors import MobmanError, SpecError, UsageError
-from mobman.files import write_whole
-from mobman.input_file import read_input
+from mobman.files import read_input, write_whole
 from mobman.robots.incoming import described, mujoco_model, sdf_file, xacro_file
 from mobman.robots.places import made_folder
 from mobman.robots.urdf.read import MEGABYTES, parse_xml

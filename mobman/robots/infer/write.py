@@ -17,7 +17,7 @@ from tomlkit import TOMLDocument
 from tomlkit.items import Array, Table
 
 from mobman.errors import SpecError, UsageError
-from mobman.input_file import read_input
+from mobman.files import read_input
 from mobman.robots.infer.findings import Inferred
 from mobman.robots.infer.infer import Inference
 from mobman.robots.places import own_robots

@@ -21,7 +21,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from mobman.errors import SpecError
-from mobman.input_file import read_input
+from mobman.files import read_input
 from mobman.robots.spec import RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import tidy, turn_up
 from mobman.robots.urdf.validate import Validation

@@ -86,11 +86,6 @@ class App {
     this.stage.viewer.set_dirty();
   }
 
-  setTime(time) {
-    this.held = null;
-    this.goTo(time);
-  }
-
   // Robots at one place, as at the start of a comparison, share it in stripes.
   share() {
     const robots = this.runs.filter((run) => run.robot && run.motion);
@@ -104,15 +99,12 @@ class App {
   preview(time) {
     if (this.live || (time === null && this.held === null)) return;
     const held = this.held ?? this.time;
-    this.goTo(time ?? held);
-    this.held = time === null ? null : held;
+    this.setTime(time ?? held, time === null ? null : held);
   }
 
-  seek(time) {
-    if (!this.live) this.setTime(time);
-  }
-
-  goTo(time) {
+  // held: the clock's time, where another is only looked at
+  setTime(time, held = null) {
+    this.held = held;
     this.time = Math.min(Math.max(time, 0), this.scene.duration);
     for (const run of this.runs) run.setTime(this.time);
     this.share();
@@ -121,9 +113,8 @@ class App {
 
   play() {
     if (this.live || !(this.scene.duration > 0)) return;
-    this.setTime(this.time >= this.scene.duration ? 0 : this.time);
     this.playing = true;
-    this.changed();
+    this.setTime(this.time >= this.scene.duration ? 0 : this.time);
   }
 
   pause() {
@@ -203,21 +194,20 @@ class App {
 
   // From a direction: three numbers, the name of a preset, or as the scene and the layout have it.
   look(direction = byId("camera").value || this.scene.camera) {
-    const { box } = this.stage;
     const presets = this.scene.cameras;
     if (typeof direction === "string" && !presets[direction])
       throw new Error(`no camera ${direction}: allowed: ${Object.keys(presets).join(", ")}`);
     const from = presets[direction] || direction || (this.layout === "side-by-side" ? [0.1, -1, 0.55] : [0.55, -1, 0.55]);
-    const points = this.outline();
-    if (!points.length) points.push(box.min.clone(), box.max.clone());
-    this.stage.look(points, from, this.freeParts());
+    this.stage.look(this.outline(), from, this.freeParts());
     this.moved = false;
     this.changed();
   }
 
   // What is to be in view (m).
   outline() {
-    return this.runs.flatMap((run) => run.outline(this.stage.box).map((point) => point.add(run.group.position)));
+    const { box } = this.stage;
+    const points = this.runs.flatMap((run) => run.outline(box).map((point) => point.add(run.group.position)));
+    return points.length ? points : [box.min.clone(), box.max.clone()];
   }
 
   // The parts of the picture that what is written leaves free.
@@ -238,10 +228,7 @@ class App {
     document.querySelector("#info h1").append(values("robot").join(", "));
     byId("what").append(motion ? same.map((key) => `${key} ${info[key]}`).join(" · ") : info.description || "");
     this.labels = [];
-    if (!motion) {
-      byId("info").append(element("div", { id: "tip" }));
-      return;
-    }
+    if (!motion) return byId("info").append(element("div", { id: "tip" }));
     const swatch = ({ colour }) => element("span", { className: "swatch", style: `background:${colour}` });
     this.cells = runs.map((run) => {
       const cells = { error: element("td", { className: "number" }), status: element("td") };
@@ -329,8 +316,7 @@ class App {
     byId("rest").onclick = () => this.configure(runs[0], runs[0].robot.description.rest);
     byId("fold").onclick = () => this.fold(!document.body.classList.contains("folded"));
     byId("menu").onclick = () => document.body.classList.toggle("closed");
-    const toggle = () => (this.playing ? this.pause() : this.play());
-    byId("play").onclick = toggle;
+    const toggle = (byId("play").onclick = () => (this.playing ? this.pause() : this.play()));
     byId("time").oninput = (event) => {
       const wanted = Number(event.target.value); // pausing sets it to what it was
       this.pause();
@@ -364,31 +350,19 @@ class App {
     byId("rate").hidden = !this.live;
   }
 
-  // Simulated seconds a second, and their share of those that were asked for.
-  setRate(rate) {
-    const [meter, output] = byId("rate").children;
-    const { live_speed: asked } = this.scene;
-    meter.hidden = !asked;
-    if (asked) meter.value = rate / asked;
-    output.textContent = `${Number(rate.toPrecision(2))}× real time`;
-  }
-
   addSliders(run) {
     const { robot } = run;
+    byId("joints").replaceChildren();
     this.sliders = robot.joints.map((joint) => {
       const { name: title, lower: min, upper: max } = joint;
       const input = element("input", { type: "range", step: "any", min, max, title });
+      const output = element("output");
       input.dataset.joint = title;
-      input.oninput = () => {
-        const value = Number(input.value);
-        this.configure(run, robot.q.map((now, i) => (i === joint.q ? value : now)));
-      };
-      return { robot, joint, input, output: element("output") };
+      input.oninput = () => this.configure(run, robot.q.map((now, i) => (i === joint.q ? Number(input.value) : now)));
+      const head = element("div", {}, element("span", { title }, title), output);
+      byId("joints").append(element("div", { className: "slider" }, head, input));
+      return { robot, joint, input, output };
     });
-    const rows = this.sliders.map(({ joint: { name }, input, output }) =>
-      element("div", { className: "slider" }, element("div", {}, element("span", { title: name }, name), output), input)
-    );
-    byId("joints").replaceChildren(...rows);
     this.writeState();
   }
 
@@ -409,11 +383,16 @@ class App {
 
   // More frames; or, when it has ended, all of the run.
   take({ motion, ended, info, rate, error_decades: decades }) {
-    const [run] = this.runs;
-    const { scene } = this;
+    const { scene, runs: [run] } = this;
     scene.error_decades = decades || scene.error_decades;
-    run.description.info = info || run.info;
-    if (rate) this.setRate(rate);
+    run.info = info || run.info;
+    if (rate) {
+      // simulated seconds a second, and their share of those that were asked for
+      const [meter, output] = byId("rate").children;
+      meter.hidden = !scene.live_speed;
+      if (scene.live_speed) meter.value = rate / scene.live_speed;
+      output.textContent = `${Number(rate.toPrecision(2))}× real time`;
+    }
     if (motion) {
       if (ended) run.motion = new Motion(motion);
       else run.motion.extend(new Motion(motion));
@@ -429,9 +408,6 @@ class App {
   }
 }
 
-// A rigid placement as rows of numbers, for whoever asks from outside.
-const rowsOf = (matrix) => [0, 4, 8, 12].map((at) => matrix.clone().transpose().elements.slice(at, at + 4));
-
 async function start() {
   const scene = JSON.parse(byId("scene").textContent);
   const app = new App(scene);
@@ -439,7 +415,6 @@ async function start() {
   app.look();
   app.render();
   if (app.live) app.follow();
-  const run = (index = 0) => app.runs[index];
   // drawn at once
   const drawn = (act) => (...values) => {
     act(...values);
@@ -450,39 +425,16 @@ async function start() {
     setTime: drawn((time) => (app.pause(), app.setTime(time))), // s
     show: drawn((layer, visible) => app.show(layer, visible)),
     setLayout: drawn((layout) => app.setLayout(layout)),
-    colourTrails: drawn((byError) => app.colourTrails(byError)),
     setTheme: drawn((theme) => app.setTheme(theme)),
     look: drawn((direction) => (app.look(direction), (app.moved = true))),
-    setConfiguration: drawn((q, index) => app.configure(run(index), q)),
+    setConfiguration: drawn((q, index = 0) => app.configure(app.runs[index], q)),
     play: () => app.play(),
     pause: () => app.pause(),
-    time: () => app.time,
-    duration: () => scene.duration,
-    playing: () => app.playing,
-    live: () => app.live, // whether it follows a run that still goes
     // of a joint, a link, a part or "tip": four rows of four numbers, in the run's world
-    pose: (name, index) => rowsOf(run(index).pose(name)),
-    poses: (names, index) => Object.fromEntries(names.map((name) => [name, rowsOf(run(index).pose(name))])),
-    joints: (index) => run(index).robot.joints.map((joint) => joint.name),
-    // names of the joints that are beyond their limits now, whose parts are red
-    beyond: (index) => run(index).robot.joints.filter((joint) => joint.beyond).map((joint) => joint.name),
-    configuration: (index) => Array.from(run(index).robot.q),
-    // what is in the scene: name, role, whether it is shown
-    objects: (index) =>
-      ["visual", "collision"].flatMap((layer) =>
-        (run(index).robot ? run(index).robot.layers[layer] : []).map(({ name, visible, userData: { role, joint } }) => ({ name, layer, visible, role, joint }))
-      ),
-    // the tip trail's points up to now, as they are drawn: the middles of the tube's rings
-    trail(index) {
-      const { trail, place } = run(index);
-      const corner = (i) => new THREE.Vector3().fromBufferAttribute(trail.geometry.attributes.position, i);
-      return Array.from({ length: place.frame + 1 }, (_, frame) => {
-        const middle = new THREE.Vector3();
-        for (let side = 0; side < SIDES; side++) middle.addScaledVector(corner(RING * frame + side), 1 / SIDES);
-        return middle.toArray();
-      });
+    pose(name, index = 0) {
+      const { elements } = app.runs[index].pose(name).transpose();
+      return [0, 4, 8, 12].map((at) => elements.slice(at, at + 4));
     },
-    frameTimes: (index) => Array.from(run(index).motion.t),
     // without controls and with everything that looks good, for pictures; or the robots and lines alone
     picture: drawn((transparent = false) => {
       app.stage.setShadows(true);

@@ -48,8 +48,8 @@ class Plot {
     const share = (event.clientX - left - EDGE.left) / (this.width - EDGE.left - EDGE.right);
     const time = Math.min(Math.max(share, 0), 1) * this.app.scene.duration;
     this.pointer = event.clientY - top;
-    if (event.type === "pointerdown" || event.pointerType === "touch") this.app.seek(time);
-    else this.app.preview(time);
+    if (event.type !== "pointerdown" && event.pointerType !== "touch") this.app.preview(time);
+    else if (!this.app.live) this.app.setTime(time);
   }
 
   draw() {
@@ -132,9 +132,8 @@ function plotsOf(app) {
   const curve = (run, values) => ({ label: several ? run.label : "", colour: run.colour, t: run.motion.t, values });
   const each = (run, table, columns, pick) => {
     if (several) return curve(run, ofRows(table, pick));
-    return columns.map(([label, index], i) => {
-      return { label, colour: scene.palette[i % scene.palette.length], t: run.motion.t, values: column(table, index) };
-    });
+    const colour = (i) => scene.palette[i % scene.palette.length];
+    return columns.map(([label, index], i) => ({ ...curve(run, column(table, index)), label, colour: colour(i) }));
   };
   const errors = runs.map((run) => curve(run, run.motion.error));
   const plots = [new Plot(app, "|error| (m)", errors, scene.error_decades)];
@@ -142,9 +141,8 @@ function plotsOf(app) {
   if (driven.length) {
     const slides = driven.some((run) => run.efforts.some(({ joint }) => !joint.turns));
     const unit = slides ? "(N m; N where it slides)" : "(N m)";
-    const torques = driven.flatMap((run) => {
-      return each(run, run.motion.effort, run.efforts.map(({ joint }) => [joint.name, joint.q]), largest);
-    });
+    const joints = (run) => run.efforts.map(({ joint }) => [joint.name, joint.q]);
+    const torques = driven.flatMap((run) => each(run, run.motion.effort, joints(run), largest));
     plots.push(new Plot(app, `${several ? "largest |torque|" : "torque"} ${unit}`, torques));
   }
   const monitored = runs.filter((run) => run.motion.margins);

@@ -170,8 +170,9 @@ function desiredAxes(columns, length, colour) {
 class Run {
   // width: of the lines (m); compared: whether there are others
   constructor(description, scene, width, compared) {
-    const { label, colour, motion, robot } = description;
-    Object.assign(this, { description, width, several: compared, label, colour, efforts: [], place: { frame: 0, next: 0, share: 0 } });
+    const { label, colour, info, motion, robot } = description;
+    const place = { frame: 0, next: 0, share: 0 };
+    Object.assign(this, { description, width, several: compared, label, colour, info, efforts: [], place });
     this.group = new THREE.Group();
     this.shown = { trails: true, efforts: false };
     this.byError = !compared;
@@ -179,13 +180,8 @@ class Run {
     if (this.robot) this.group.add(this.robot.root);
     this.motion = motion ? new Motion(motion) : null;
     if (!motion) return;
-    this.materials = {
-      error: new THREE.MeshPhongMaterial({ vertexColors: true }),
-      run: plain(colour),
-      platform: plain(colour),
-      path: plain(colour),
-      target: plain(colour),
-    };
+    this.materials = { error: new THREE.MeshPhongMaterial({ vertexColors: true }) };
+    for (const name of ["run", "platform", "path", "target"]) this.materials[name] = plain(colour);
     const ball = (radius, material) => new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 16), material);
     this.path = tube(this.motion.path, 0.55 * width, this.materials.path);
     this.target = ball(2.6 * width, this.materials.target);
@@ -200,14 +196,10 @@ class Run {
   // Colours that are not a run's own are those of the style sheet.
   setColours() {
     if (!this.motion) return;
-    for (const name of ["path", "target", ...(this.several ? [] : ["platform"])])
-      this.materials[name].color.copy(colourOf(styled(name)));
+    const own = ["path", "target", ...(this.several ? [] : ["platform"])];
+    for (const name of own) this.materials[name].color.copy(colourOf(styled(name)));
     if (this.axes instanceof THREE.ArrowHelper) this.axes.setColor(colourOf(styled("target")));
     for (const { material } of this.efforts) material.color.copy(colourOf(styled("torque")));
-  }
-
-  get info() {
-    return this.description.info;
   }
 
   // Everything that the samples make; again, when there are more of them.

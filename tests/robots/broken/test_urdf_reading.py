@@ -18,7 +18,7 @@ from good_robot import URDF, GoodRobot
 
 import mobman as mm
 from mobman.errors import SpecError
-from mobman.input_file import read_input
+from mobman.files import read_input
 from mobman.robots.urdf.compose import flat_urdf
 from mobman.robots.urdf.read import UrdfFile
 
