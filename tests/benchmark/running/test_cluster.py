@@ -20,17 +20,18 @@ from mobman.errors import MobmanError
 LAWS = ["pseudo-inverse", "tsm"]
 
 
-@pytest.fixture
-def cluster(tmp_path, request):
-    with dask_cluster(tmp_path, workers=getattr(request, "param", 2)) as cluster:
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """Of two workers for all tests, of which the first ends one and the last the scheduler."""
+    with dask_cluster(tmp_path_factory.mktemp("dask"), workers=2) as cluster:
         yield cluster
 
 
 def test_everywhere_the_same_bits(tmp_path, cluster):
-    suite = suite_of(LAWS, seeds=4, duration=0.1)
+    suite = suite_of(LAWS, seeds=3, duration=0.05)
     run_suite(suite, tmp_path / "one", workers=1)
     expected = bits(tmp_path / "one", suite)
-    assert len(expected) == 8
+    assert len(expected) == 6
     run_suite(suite, tmp_path / "two", workers=2)
     assert bits(tmp_path / "two", suite) == expected
     with ThreadPoolExecutor(2) as pool:
@@ -92,22 +93,6 @@ def test_a_run_that_kills_workers_is_told_and_the_others_done(tmp_path, monkeypa
     assert again.count("deadly") == 2
 
 
-@pytest.mark.parametrize("cluster", [1], indirect=True)
-def test_a_scheduler_that_is_lost_ends_the_suite_clearly(tmp_path, cluster):
-    suite = suite_of(LAWS, seeds=10)
-
-    def kill(event):
-        if isinstance(event, Ended):
-            cluster.scheduler.kill()
-
-    started = time.monotonic()
-    with pytest.raises(MobmanError, match=r"lost the Dask scheduler at tcp.* runs were done"):
-        run_suite(suite, tmp_path / "r", dask=cluster.address, on_event=kill)
-    print("ended after", time.monotonic() - started)
-    store = Store(tmp_path / "r")
-    assert 1 <= sum(store.done(run) for run in suite.runs()) < 20
-
-
 def test_an_address_where_nothing_answers_is_told(tmp_path):
     with pytest.raises(MobmanError, match="no Dask scheduler answers at"):
         run_suite(suite_of(LAWS), tmp_path / "r", dask=f"tcp://127.0.0.1:{free_port()}")
@@ -115,7 +100,6 @@ def test_an_address_where_nothing_answers_is_told(tmp_path):
         run_suite(suite_of(LAWS), tmp_path / "r", dask="nothing://x y")
 
 
-@pytest.mark.parametrize("cluster", [1], indirect=True)
 def test_another_version_there_is_told(tmp_path, cluster, monkeypatch):
     from mobman.benchmark import backends as module
 
@@ -132,3 +116,18 @@ def test_dask_that_is_missing_is_told(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MobmanError, match=r"pip install 'mobman\[dask\]'"):
         run_suite(suite_of(LAWS), tmp_path / "r", dask="tcp://127.0.0.1:1")
+
+
+def test_a_scheduler_that_is_lost_ends_the_suite_clearly(tmp_path, cluster):
+    suite = suite_of(LAWS, seeds=10)
+
+    def kill(event):
+        if isinstance(event, Ended):
+            cluster.scheduler.kill()
+
+    started = time.monotonic()
+    with pytest.raises(MobmanError, match=r"lost the Dask scheduler at tcp.* runs were done"):
+        run_suite(suite, tmp_path / "r", dask=cluster.address, on_event=kill)
+    print("ended after", time.monotonic() - started)
+    store = Store(tmp_path / "r")
+    assert 1 <= sum(store.done(run) for run in suite.runs()) < 20
