@@ -19,7 +19,7 @@ OUT = $(RESULTS)/$(basename $(notdir $(SUITE)))
 # Tests start hundreds of processes that import the same files: Python keeps what it compiles of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: bench test test-slow nightly lowest speed lint format claims table pictures gallery docs browser clean help
+.PHONY: bench test test-slow nightly lowest speed lint kernels format claims table pictures gallery docs browser clean help
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -31,7 +31,9 @@ bench: $(VENV)/installed ## set up, run the paper's suite, write results/paper a
 # The tests read and print UTF-8, whatever the locale
 test test-slow: export PYTHONUTF8 := 1
 
-test: lint ## set up with test extras, run lint, types and tests
+# One core compiles what the tests need while another checks style and types.
+test: $(VENV)/installed-test ## set up with test extras, run lint, types and tests
+	@$(MAKE) --no-print-directory --jobs=2 lint kernels
 	$(PYTEST)
 
 test-slow: $(VENV)/installed-test ## the longer studies among the tests
@@ -50,6 +52,9 @@ lint: $(VENV)/installed-test ## ruff, import-linter and mypy alone
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-logo --no-cache
 	$(BIN)/mypy
+
+kernels: $(VENV)/installed-test ## compile what most tests need (half a minute, once)
+	cd tests && ../$(BIN)/python -m support.kernels
 
 format: $(VENV)/installed-test ## let ruff format the code
 	$(BIN)/ruff check --fix .

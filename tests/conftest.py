@@ -15,7 +15,8 @@ import pytest
 # robots that the user of this machine has added are none of the tests' business
 os.environ["XDG_DATA_HOME"] = tempfile.mkdtemp(prefix="mobman-tests-")
 
-from support.swept import ONE_OF_EACH, PLATFORM, swept
+from support.kernels import compile_kernels
+from support.swept import PLATFORM, swept
 
 import mobman as mm
 from mobman.viewer.page import BrowserError, BrowserMissingError
@@ -46,9 +47,7 @@ def pytest_sessionstart(session):
     """Compile what most tests need once, before several processes would at the same time; no test then
     meets the line which says that it takes a while."""
     if not hasattr(session.config, "workerinput") and not numba.config.DISABLE_JIT:
-        for robot in ONE_OF_EACH:
-            for law in mm.list_controllers() if robot == "youbot" else ["tsm"]:
-                mm.simulate(robot, law, "circle", duration=1e-3, scenario="realistic")
+        compile_kernels()
 
 
 @pytest.hookimpl(optionalhook=True)

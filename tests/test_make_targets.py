@@ -61,12 +61,14 @@ class Checkout:
             shutil.copytree(
                 ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
             )
-        for name in ("docs", "docs/images", "tests", ".venv", ".venv/bin"):
+        for name in ("docs", "docs/images", "tests", "tests/support", ".venv", ".venv/bin"):
             (folder / name).mkdir()
         for name in ("Makefile", "pyproject.toml", "docs/pictures.py", "docs/table.py"):
             shutil.copy(ROOT / name, folder / name)
         (folder / "small.toml").write_text(SUITE)
         (folder / "tests" / "test_small.py").write_text(TESTS.lstrip())
+        # what the tests of mobman need takes a while to compile
+        (folder / "tests" / "support" / "kernels.py").write_text('print("compiled the kernels")\n')
         python = f'exec "{sys.executable}"'
         own = (
             """--config 'lint.isort.known-first-party = ["mobman"]'"""  # which is not in the folder
@@ -220,6 +222,7 @@ def test_test_runs_lint_and_then_the_tests(checkout):
         "pytest -n auto",
     )
     assert [*parts] == sorted(parts, key=said.index)
+    assert said.index("compiled the kernels") < said.index("pytest -n auto")
     assert "1 passed" in said.strip().splitlines()[-1]
 
 
