@@ -340,7 +340,7 @@ def test_a_plant_of_its_usual_kind_leaves_no_trace():
     assert mm.Scenario(**mm.load_scenario("contact").model_dump()).plant.type == "mujoco"
 
 
-@pytest.mark.parametrize("name", mm.list_robots())
+@pytest.mark.parametrize("name", swept())
 def test_every_robot_stands_and_drives_for_two_seconds(name):
     record = mm.simulate(
         name, "tsm-null-space", "circle", duration=2.0, dt=2e-3, scenario="contact"

@@ -80,7 +80,7 @@ def gone(processes, seconds):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_suite_keeps_what_was_done(start, tmp_path, number):
-    process = start(2.0, 50, "--workers", "2")
+    process = start(0.5, 50, "--workers", "2")
     until_first_run(process)
     family = psutil.Process(process.pid).children(recursive=True)
     assert family
@@ -135,7 +135,7 @@ def test_a_suite_that_is_killed_again_and_again_ends_like_an_undisturbed_one(
 ):
     chance = random.Random(5)
     for _ in range(kills):
-        process = start(0.2, 12, "--workers", "2")
+        process = start(0.2, 6, "--workers", "2")
         until_first_run(process)
         time.sleep(chance.uniform(0.0, 0.08))
         process.kill()
