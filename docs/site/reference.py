@@ -24,6 +24,7 @@ from pydantic_core import PydanticUndefined
 import mobman as mm
 from mobman.benchmark.suite import Suite
 from mobman.robots.spec import RobotSpec
+from mobman.simulation.scenario import GROUPS as GROUPS_OF_PIECES
 from mobman.simulation.scenario import Scenario
 from mobman.toml_model import Strict
 
@@ -141,11 +142,10 @@ def _scenario_file() -> str:
         "it, and those of each type of piece. [Scenarios](../scenarios.md) explains them.\n\n"
     )
     text += _table(Scenario, "The file")
-    for name, field in Scenario.model_fields.items():
-        for source in _models(field.annotation):
-            text += f"## {name}\n\n"
-            for kind, piece in sorted(source.kinds.own().items()):
-                text += _table(piece, f"`{kind}`", level=3)
+    for name, (_, kinds) in GROUPS_OF_PIECES.items():
+        text += f"## {name}\n\n"
+        for kind, piece in sorted(kinds.own().items()):
+            text += _table(piece, f"`{kind}`", level=3)
     return text
 
 

@@ -12,9 +12,10 @@ from mobman.bridges.policy import Actions, PolicyController
 from mobman.errors import SingularityError, UsageError
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.simulation.loop import Loop
 from mobman.simulation.placements import Placement, placements
 from mobman.simulation.scenario import Scenario, load_scenario
-from mobman.simulation.simulate import closed_loop, seconds, whole_ticks
+from mobman.simulation.simulate import seconds, whole_ticks
 
 try:
     import gymnasium
@@ -97,7 +98,7 @@ class TrackingEnv(gymnasium.Env[Array, Any]):
         placed, self._seed = self._place(self._number), int(self.np_random.integers(2**31))
         start = self._scenario.start_of(self._robot, placed.q0)
         parts = (self._robot, self._law, placed.task, self._scenario)
-        self.loop = closed_loop(*parts, q0=start, ticks=self._ticks, dt=self._dt, seed=self._seed)
+        self.loop = Loop(*parts, q0=start, ticks=self._ticks, dt=self._dt, seed=self._seed)
         self._ahead, self._tick = self.loop.ticks_ahead(), -1
         if self._go_on():
             raise UsageError(f"the episode cannot start: {self.loop.samples.message}")
@@ -137,8 +138,8 @@ class TrackingEnv(gymnasium.Env[Array, Any]):
 
     def _info(self) -> dict[str, Any]:
         samples, row = self.loop.samples, max(self._tick, 0)
-        turn = samples.orientation_error[row] if len(samples.orientation) else ()
-        error = np.array([*(samples.tip[row] - samples.desired[row]), *turn])
+        error = samples.tip_position[row] - samples.tip_desired[row]
+        error = np.append(error, samples.orientation_error[row])
         found = {"t": row * self._dt, "placement": self._number, "seed": self._seed}
         return {**found, "task_error": error, "status": samples.status, "message": samples.message}
 

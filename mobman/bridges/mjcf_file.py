@@ -13,7 +13,7 @@ import pinocchio as pin
 from mobman.errors import MobmanError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.contact import MuJoCo
-from mobman.simulation.mjcf import BASE, Ground, feet_of, mjcf, numbers, principal, set_tyres
+from mobman.simulation.mjcf import BASE, feet_of, mjcf, numbers, principal, set_tyres
 from mobman.viewer.meshes import Surface
 from mobman.viewer.robot import Part, robot_parts
 
@@ -35,11 +35,8 @@ def mjcf_content(robot: MobileManipulator) -> tuple[bytes, tuple[str, ...]]:
     if importlib.util.find_spec("mujoco") is None:
         raise UsageError("MuJoCo's XML needs MuJoCo; install it: pip install 'mobman[mujoco]'")
     mujoco = importlib.import_module("mujoco")
-    given, feet = MuJoCo(), feet_of(robot, scrub=True)
-    gravity = np.array(robot.model.gravity.linear)
-    tyres = (given.deflection, given.damping, given.impedance, given.creep, given.supports)
-    ground = Ground(given.friction, gravity, *tyres, ())
-    root = ET.fromstring(mjcf(robot, feet, ground, _STEP))
+    ground, feet = MuJoCo(), feet_of(robot, scrub=True)
+    root = ET.fromstring(mjcf(robot, feet, ground, _STEP, np.array(robot.model.gravity.linear)))
     root.set("model", robot.name)
     root.insert(0, ET.Element("asset"))
     bodies = {str(body.get("name")): body for body in root.iter("body")}

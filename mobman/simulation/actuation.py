@@ -7,37 +7,39 @@ from collections import deque
 from typing import Self
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from mobman.arrays import Array
-from mobman.simulation.pieces import PACKAGE, Each, Piece, Setting, Types, entries, some_given
+from mobman.simulation.pieces import (
+    EachPositive,
+    Piece,
+    Setting,
+    Spread,
+    entries,
+    some_given,
+    types_of,
+)
 
 _ROUNDING = 1e-6  # ticks, share of a limit: what is as near to a whole number, or to it, is there
 
 
 class Stage:
-    """A piece at work: from the torques of the ticks to other torques of the ticks.
-
-    Attributes:
-        delay: By how much what comes out is late, in addition (s).
-        limited: Whether the last torque met a limit: was cut, or was as large as is allowed.
-    """
+    """A piece at work: from the torques of the ticks to other torques of the ticks."""
 
     delay: float = 0.0
+    """By how much what comes out is late, in addition (s)."""
     limited: bool = False
+    """Whether the last torque met a limit: was cut, or was as large as is allowed."""
     level: Array | None = None
     """Largest |torque| of each motor that comes out (N m, N), shape (nz,), if there is one."""
 
     def apply(self, torque: Array) -> Array:
-        """The torque that comes out at a tick; called once at every tick, v = 0 before the first.
-
-        Args:
-            torque: The torque that goes in (N m, N), shape (nz,); not to be written to.
-        """
+        """The torque that comes out at a tick, of the one that goes in (N m, N), shape (nz,), which is
+        not to be written to; called once at every tick, v = 0 before the first."""
         return torque
 
 
-actuations = Types("actuation type", PACKAGE, "mobman.actuation")
+actuations = types_of("actuation type", "mobman.actuation")
 """Types of actuation; each starts as a :class:`Stage`, or None."""
 
 
@@ -45,12 +47,7 @@ class ActuationChain:
     """The pieces in their order, and their delays.
 
     What a piece makes of the torques of the ticks does not depend on when they arrive, so all delays
-    together may come last.
-
-    Args:
-        stages: In the order of the signal.
-        dt: Sampling period (s).
-        nz: Number of motors.
+    together may come last. Stages are in the order of the signal, dt is the sampling period (s).
 
     Attributes:
         split: How far into each tick a new torque arrives, as a fraction of the tick; 0 where the
@@ -64,10 +61,9 @@ class ActuationChain:
     def __init__(self, stages: list[Stage], dt: float, nz: int) -> None:
         self._stages = stages
         ticks = math.fsum(stage.delay for stage in stages) / dt
-        whole = math.floor(ticks + _ROUNDING)
-        fraction = ticks - whole
+        self._whole = math.floor(ticks + _ROUNDING)
+        fraction = ticks - self._whole
         self.split = fraction if fraction > _ROUNDING else 0.0
-        self._whole = whole
         self._under_way: deque[Array] = deque()
         self.early, self.late = np.zeros(nz), np.zeros(nz)
         self.limited = False
@@ -102,7 +98,6 @@ class Delay(Piece):
     """s."""
 
     def start(self, setting: Setting) -> Stage | None:
-        """See :class:`Piece`."""
         stage = Stage()
         stage.delay = self.delay
         return stage if self.delay > 0.0 else None
@@ -111,7 +106,7 @@ class Delay(Piece):
 class TorqueLevel(Piece):
     """A torque for each motor, in one of several measures."""
 
-    torque: Each | None = None
+    torque: EachPositive | None = None
     """N m, N: a number for all motors or one for each."""
     factor: float | None = Field(None, gt=0)
     """Factor of the URDF's effort limits."""
@@ -119,18 +114,9 @@ class TorqueLevel(Piece):
     """rad/s^2, m/s^2: what holds the robot still at its rest posture, and gives the motor's axis this
     acceleration there. In addition to ``factor``, for the motors whose limit the URDF does not state."""
 
-    @field_validator("torque")
-    @classmethod
-    def _positive(cls, value: float | list[float] | None) -> float | list[float] | None:
-        if value is not None and np.min(value) <= 0.0:
-            raise ValueError("must be above 0")
-        return value
-
     @model_validator(mode="after")
     def _measure(self) -> Self:
-        some_given(
-            {"torque": self.torque, "factor": self.factor, "acceleration": self.acceleration}
-        )
+        some_given(self, "torque", "factor", "acceleration")
         if self.torque is not None and (self.factor is not None or self.acceleration is not None):
             raise ValueError("give 'torque' alone, or 'factor' or 'acceleration' or both")
         return self
@@ -159,7 +145,6 @@ class Saturation(TorqueLevel):
     """Each motor's torque stays between minus and plus its level."""
 
     def start(self, setting: Setting) -> Stage | None:
-        """See :class:`Piece`."""
         level = self.level(setting)
         return _Clip(level) if np.isfinite(level).any() else None
 
@@ -171,10 +156,24 @@ class RateLimit(TorqueLevel):
     """From 0 to the level (s)."""
 
     def start(self, setting: Setting) -> Stage | None:
-        """See :class:`Piece`."""
         level = self.level(setting)
         step = setting.dt / self.rise_time * level
         return _Follow(step) if np.isfinite(level).any() else None
+
+
+class MotorGains(Piece):
+    """Each motor's torque over the commanded one, fixed or at random: B of (17) scaled by motor."""
+
+    factor: EachPositive = 1.0
+    """A number for all motors or one for each."""
+    spread: Spread = 0.0
+    """The factor times a number from [1 - spread, 1 + spread], for each motor its own."""
+
+    def start(self, setting: Setting) -> Stage | None:
+        names = list(setting.robot.velocity_names)
+        draws = setting.random.uniform(-1.0, 1.0, len(names))
+        factor = entries(self.factor, names, "factor", "motors") * (1.0 + self.spread * draws)
+        return _Scaled(factor) if np.any(factor != 1.0) else None
 
 
 class _Clip(Stage):
@@ -190,8 +189,7 @@ class _Clip(Stage):
 
 class _Follow(Stage):
     def __init__(self, step: Array) -> None:
-        self._step = step
-        self._last = np.zeros_like(step)
+        self._step, self._last = step, np.zeros_like(step)
 
     def apply(self, torque: Array) -> Array:
         # not the last plus a change: a torque within the limit comes through bit for bit
@@ -200,6 +198,15 @@ class _Follow(Stage):
         return self._last
 
 
+class _Scaled(Stage):
+    def __init__(self, factor: Array) -> None:
+        self._factor = factor
+
+    def apply(self, torque: Array) -> Array:
+        return self._factor * torque
+
+
 actuations.register("delay", Delay)
+actuations.register("gain", MotorGains)
 actuations.register("rate-limit", RateLimit)
 actuations.register("saturation", Saturation)

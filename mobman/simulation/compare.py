@@ -22,11 +22,7 @@ Run = Record | str | os.PathLike[str]
 
 
 class Comparison(Displayed):
-    """Runs side by side, see :func:`compare`.
-
-    Attributes:
-        records: The records by label.
-    """
+    """Runs side by side, see :func:`compare`; ``records`` has the records by label."""
 
     def __init__(self, records: Mapping[str, Record]) -> None:
         self.records = dict(records)
@@ -37,12 +33,11 @@ class Comparison(Displayed):
         metric by its name (units as ``mobman metrics`` lists them)."""
         import pandas as pd
 
-        names = (*_NAMED_BY, "status")
-        rows = {
-            label: {name: getattr(record, name) for name in names} | record.metrics
-            for label, record in self.records.items()
-        }
-        return pd.DataFrame.from_dict(rows, orient="index")
+        rows = [
+            {name: getattr(record, name) for name in (*_NAMED_BY, "status")} | record.metrics
+            for record in self.records.values()
+        ]
+        return pd.DataFrame(rows, index=list(self.records))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the norms of errors and torques of all runs against time.
@@ -61,17 +56,12 @@ class Comparison(Displayed):
         from mobman.figures.looks import looks_of
 
         records = self.records
-        looks = looks_of(
-            {label: str(r.spec.get("law") or r.controller) for label, r in records.items()}
-        )
+        laws = {label: str(r.spec.get("law") or r.controller) for label, r in records.items()}
+        looks, title = looks_of(laws), " · ".join(records)
         duration = max(float(record.t[-1]) for record in records.values()) or 1.0
-        title = " · ".join(records)
         specs: list[charts.Spec] = []
-        for axis, name in (
-            ("|eᵉ|  (m)", "task_error"),
-            ("|eᵃ|", "auxiliary_error"),
-            ("|v|", "torque"),
-        ):
+        names = {"|eᵉ|  (m)": "task_error", "|eᵃ|": "auxiliary_error", "|v|": "torque"}
+        for axis, name in names.items():
             curves = []
             for label, record in records.items():
                 with np.errstate(over="ignore", invalid="ignore"):
@@ -79,15 +69,9 @@ class Comparison(Displayed):
                 seen = np.where(np.isfinite(size), np.maximum(size, charts.FLOOR), np.nan)
                 end = math.nan if record.ok else float(record.t[-1])
                 curves.append(charts.Curve(label, *charts.thin(record.t, seen), end))
-            spec = charts.time_chart(
-                curves,
-                looks,
-                title=f"{axis} against time: {title}",
-                axis=axis,
-                duration=duration,
-                heading="" if specs else title,
-            )
-            specs.append(spec)
+            heading, text = "" if specs else title, f"{axis} against time: {title}"
+            options: dict[str, Any] = {"title": text, "axis": axis, "heading": heading}
+            specs.append(charts.time_chart(curves, looks, duration=duration, **options))
         if path is None:
             return files.displayed(specs)
         return files.save(as_path("path", path), specs, title)
@@ -96,9 +80,7 @@ class Comparison(Displayed):
         return Shown(f"Comparison({', '.join(self.records)})", {})
 
     def _repr_html_(self) -> str:
-        table = self.table.T
-        html: str = table.to_html(float_format="{:.4g}".format, escape=True)
-        return html
+        return str(self.table.T.to_html(float_format="{:.4g}".format, escape=True))
 
 
 def compare(runs: Sequence[Run] | Mapping[str, Run]) -> Comparison:
@@ -124,26 +106,26 @@ def compare(runs: Sequence[Run] | Mapping[str, Run]) -> Comparison:
         raise UsageError(f"runs = {runs!r}: expected a list or a dictionary of records or files")
     if not runs:
         raise UsageError("runs is empty: expected at least one record")
-    given = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
-    records = [_record(run) for run in given]
+    records = [_record(run) for run in (runs.values() if isinstance(runs, Mapping) else runs)]
     labels = list(map(str, runs)) if isinstance(runs, Mapping) else _labels(records)
     return Comparison(dict(zip(labels, records, strict=True)))
 
 
 def _record(run: Run) -> Record:
-    if isinstance(run, Record):
-        return run
-    if not isinstance(run, (str, os.PathLike)):
+    if isinstance(run, (str, os.PathLike)):
+        return load_record(run)
+    if not isinstance(run, Record):
         raise UsageError(f"{run!r} is not a run: expected a record or the path of its file")
-    return load_record(run)
+    return run
 
 
 def _labels(records: Sequence[Record]) -> list[str]:
     """Labels of what the runs differ in, numbered where that is nothing."""
     parts = [name for name in _NAMED_BY if len({getattr(r, name) for r in records}) > 1]
-    parts = parts or ["controller"]
     names = [
-        " · ".join(f"seed {r.seed}" if p == "seed" else getattr(r, p) for p in parts)
+        " · ".join(
+            f"seed {r.seed}" if p == "seed" else getattr(r, p) for p in parts or ["controller"]
+        )
         for r in records
     ]
     return [

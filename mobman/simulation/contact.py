@@ -14,13 +14,14 @@ import pinocchio as pin
 from pydantic import Field
 
 from mobman.arrays import Array
-from mobman.compiled import bind, sequence
+from mobman.compiled import sequence
 from mobman.errors import SpecError, UsageError
-from mobman.linalg import apply_transpose
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.mjcf import BASE, TIP, Bump, Ground, feet_of, make_model, mjcf, set_tyres
-from mobman.simulation.pieces import Piece, Setting
+from mobman.simulation import mjcf
+from mobman.simulation.mjcf import BASE, LEAST_FRICTION, TIP
+from mobman.simulation.pieces import Setting
 from mobman.simulation.plant import MakePlant, Plant, plants
+from mobman.simulation.sensors import pose_index
 from mobman.toml_model import Strict
 
 _LESSER = 1e-4  # weight of the rates that tell of z only what the others leave open
@@ -55,7 +56,7 @@ class Ridge(Strict):
     """On the ground (m)."""
 
 
-class MuJoCo(Piece):
+class MuJoCo(mjcf.Ground):
     """The robot as a MuJoCo model whose wheels roll by friction, on springs and dampers.
 
     q is the measured pose, the wheels' and the joints' angles; z is what of the motion the platform's
@@ -63,17 +64,6 @@ class MuJoCo(Piece):
     which is recorded, as are forces and what lifts off.
     """
 
-    friction: float = Field(0.8, ge=0)
-    """Coulomb's coefficient of tyre and ground."""
-    deflection: float = Field(1e-4, gt=0)
-    """Compression of the tyres under the static load (m): their stiffness is load over deflection."""
-    damping: float = Field(1.0, gt=0)
-    """Damping ratio of the tyres: 1 is critical for the whole mass on them."""
-    impedance: float = Field(0.95, gt=0, lt=1)
-    """MuJoCo's d of the contacts: that share of what a sudden force would do is taken up at once, as by
-    an inertance beside the spring; 0 leaves spring and damper alone."""
-    creep: float = Field(1e-4, gt=0)
-    """Slip per friction over the static load (m/s)."""
     slope: float = Field(0.0, gt=-1.2, lt=1.2)
     """Slope of the ground (rad); the task is in its axes, and the controller knows nothing of it."""
     uphill: float = 0.0
@@ -82,9 +72,6 @@ class MuJoCo(Piece):
     """Ground of other friction; the first that a wheel is on counts."""
     bumps: list[Ridge] = Field([], max_length=100)
     """Ridges."""
-    supports: float = Field(0.2, gt=0)
-    """Stiffness of the supports of a platform on one axle over that of its wheels: the softer, the more
-    of the load is on the wheels."""
     scrub: bool = False
     """Wheels of skid-steered platforms have friction sideways, too, and where they are; the effective
     track is then what the ground makes of it."""
@@ -108,20 +95,16 @@ class MuJoCo(Piece):
 
 
 class Recorded(NamedTuple):
-    """Records of the ground, by wheel: at a tick, of the step before."""
+    """Records of the ground at a tick, of the step before: by wheel the normal force (N), friction (N),
+    speed over the ground of the point that touches it, where friction acts (m/s), and the gap (m);
+    height (m), roll, pitch (rad) of the platform's frame; the tip, tilted and sunk with it (m)."""
 
     normal: Array
-    """Normal force (N)."""
     friction: Array
-    """Friction (N)."""
     slip: Array
-    """Speed over the ground of the point that touches it, where friction acts (m/s)."""
     lift: Array
-    """Gap between wheel and ground (m)."""
     base: Array
-    """Height (m), roll and pitch (rad) of the platform's frame."""
     tip: Array
-    """Position of the tip, with what the platform tilts and sinks (m)."""
 
 
 class ContactPlant(Plant):
@@ -145,15 +128,14 @@ class ContactPlant(Plant):
             raise SpecError(
                 "field 'slip' is for the ideal plant: wheels in contact slip by themselves"
             )
-        self.slips = bool(robot.platform.base_joints)
-        self.q_dot = np.zeros(robot.nq)
-        self._mj = importlib.import_module("mujoco")
-        self._given, self._z_dot = given, np.zeros(robot.nz)
-        self._feet = feet_of(robot, given.scrub)
+        self._pose = pose_index(robot)
+        self.slips, self.q_dot = bool(self._pose), np.zeros(robot.nq)
+        self._mj, self._given = importlib.import_module("mujoco"), given
+        self._feet = mjcf.feet_of(robot, given.scrub)
         self._wheels = [foot for foot in self._feet if foot.friction]
         n = len(self._wheels)
-        normal, friction, slip, lift = (np.zeros(n) for _ in range(4))
-        self.recorded = Recorded(normal, friction, slip, lift, np.zeros(3), np.zeros(3))
+        sizes = (n, n, n, n, 3, 3)
+        self.recorded = Recorded(*map(np.zeros, sizes))
         self.h, self.work = np.zeros(1), np.zeros(1)
 
     @cached_property
@@ -178,80 +160,58 @@ class ContactPlant(Plant):
         """See :class:`Plant`: itself, at rest on its tyres."""
         robot, given, now = self.robot, self._given, self.now
         self.h[0] = h
-        self._place(q)
-        ground = self._ground()
-        xml = mjcf(robot, self._feet, ground, min(h, given.step))
-        self._model, self._data = make_model(robot, xml)
+        x, y, heading = q[self._pose] if self._pose else np.zeros(3)
+        c, s = math.cos(heading), math.sin(heading)
+
+        def spot(ahead: float, left: float) -> Array:
+            away = np.array([c * ahead - s * left, s * ahead + c * left])
+            return np.asarray(np.array([x, y]) + away)
+
+        self._patches = [
+            (spot(one.ahead, one.left), one.radius**2, max(one.friction, LEAST_FRICTION))
+            for one in given.patches
+        ]
+        bumps = [
+            mjcf.Bump(spot(one.ahead, 0.0), float(heading) + one.angle, one.height, one.width)
+            for one in given.bumps
+        ]
+        down = -math.sin(given.slope) * np.array([math.cos(given.uphill), math.sin(given.uphill)])
+        g = float(np.linalg.norm(robot.model.gravity.linear))
+        gravity = g * np.array([*down, -math.cos(given.slope)])
+        xml = mjcf.mjcf(robot, self._feet, given, min(h, given.step), gravity, bumps)
+        self._model, self._data = mjcf.make_model(robot, xml)
         if self._feet:
-            set_tyres(self._model, pin.computeTotalMass(robot.model), self._feet, ground)
+            mjcf.set_tyres(self._model, pin.computeTotalMass(robot.model), self._feet, given)
         self._index()
         now.q[:], now.z[:] = q, 0.0
-        self._resist = self._resistances()
+        parts = self.resistances()
+        self._resist = sequence(now.run_inertia, now.inertia, *parts) if parts else None
         self._settle(q)
         self._measure()
         return self
 
-    # Making the model ----------------------------------------------------------------------------
-
-    def _place(self, q: Array) -> None:
-        """Start of the platform, by which patches and bumps are placed."""
-        robot = self.robot
-        self._pose = [robot.joint_names.index(name) for name in robot.platform.base_joints]
-        self._origin, self._heading = np.zeros(2), 0.0
-        if self._pose:
-            self._origin = q[self._pose[:2]].copy()
-            self._heading = float(q[self._pose[2]])
-
-    def _spot(self, ahead: float, left: float) -> Array:
-        c, s = math.cos(self._heading), math.sin(self._heading)
-        place: Array = self._origin + np.array([c * ahead - s * left, s * ahead + c * left])
-        return place
-
-    def _ground(self) -> Ground:
-        given = self._given
-        g = float(np.linalg.norm(self.robot.model.gravity.linear))
-        c, s = math.cos(given.slope), math.sin(given.slope)
-        downhill = -s * np.array([math.cos(given.uphill), math.sin(given.uphill)])
-        bumps = [
-            Bump(self._spot(one.ahead, 0.0), self._heading + one.angle, one.height, one.width)
-            for one in given.bumps
-        ]
-        self._patches = [
-            (self._spot(one.ahead, one.left), one.radius**2, max(one.friction, 1e-5))
-            for one in given.patches
-        ]
-        gravity = g * np.array([*downhill, -c])
-        return Ground(
-            *(given.friction, gravity, given.deflection, given.damping),
-            *(given.impedance, given.creep, given.supports, bumps),
-        )
-
     def _index(self) -> None:
         """Indices of q's coordinates in MuJoCo's, and of the rates that tell alpha."""
-        robot, platform = self.robot, self.robot.platform
-        skipped = {*robot.platform.base_joints, *robot.platform.virtual_joints}
-        own = [i for i, name in enumerate(robot.joint_names) if name not in skipped]
-        joints = [self._model.joint(robot.joint_names[i]) for i in own]
-        self._own = np.array(own, dtype=int)
-        self._at = np.array([joint.qposadr[0] for joint in joints], dtype=int)
-        self._dof = np.array([joint.dofadr[0] for joint in joints], dtype=int)
-        self._base_dof = self._base_at = -1
-        if self._pose:
-            base = self._model.joint(BASE)
-            self._base_at, self._base_dof = int(base.qposadr[0]), int(base.dofadr[0])
-            self._base_body = int(self._model.body(BASE).id)
-        self._tip = int(self._model.site(TIP).id)
-        self._geoms = [self._model.geom(foot.name).id for foot in self._wheels]
-        self._number = {geom: i for i, geom in enumerate(self._geoms)}
-        self._edited = bool(self._patches) or any(foot.directed for foot in self._wheels)
+        robot, platform, model = self.robot, self.robot.platform, self._model
         places = robot.joint_names.index
         self._virtual = [places(name) for name in platform.virtual_joints]
         self._following = [places(name) for name in platform.following]
-        at = dict(zip(own, self._dof.tolist(), strict=True))
-        self._modules = [
-            (i, at[i], 1.0 / self._model.dof_invweight0[at[i]]) for i in self._following
-        ]
         told_not = {*self._pose, *self._virtual}
+        own = [i for i in range(robot.nq) if i not in told_not]
+        joints = [model.joint(robot.joint_names[i]) for i in own]
+        self._own = np.array(own, dtype=int)
+        self._at = np.array([joint.qposadr[0] for joint in joints], dtype=int)
+        self._dof = np.array([joint.dofadr[0] for joint in joints], dtype=int)
+        if self._pose:
+            base = model.joint(BASE)
+            self._base_at, self._base_dof = int(base.qposadr[0]), int(base.dofadr[0])
+            self._base_body = int(model.body(BASE).id)
+        self._tip = int(model.site(TIP).id)
+        self._geoms = [model.geom(foot.name).id for foot in self._wheels]
+        self._number = {geom: i for i, geom in enumerate(self._geoms)}
+        self._edited = bool(self._patches) or any(foot.directed for foot in self._wheels)
+        at = dict(zip(own, self._dof.tolist(), strict=True))
+        self._modules = [(i, at[i], 1.0 / model.dof_invweight0[at[i]]) for i in self._following]
         others = [i for i in robot.platform_index if i not in told_not]
         by_pose = self._given.velocity == "pose" or not others
         first, second = (self._pose, others) if by_pose else (others, self._pose)
@@ -277,9 +237,7 @@ class ContactPlant(Plant):
                 break
         data.qpos[self._at], data.qpos[at : at + 2] = q[self._own], (x, y)
         model.dof_armature[:], self._edited = armature, edited
-        data.qvel[:] = 0.0
-        data.qacc_warmstart[:] = 0.0
-        data.time = 0.0
+        data.qvel[:] = data.qacc_warmstart[:] = data.time = 0.0
         if np.abs(data.qpos[at + 4 : at + 6]).max() > 0.25:
             raise SpecError(
                 f"robot {self.robot.name!r} falls over where it starts: its centre of mass is not "
@@ -296,8 +254,7 @@ class ContactPlant(Plant):
         """Go on from t to t + h under the plant's torque; q is NaN from where the state runs away."""
         if np.isnan(self.now.q[0]):
             return
-        if self.disturbed:
-            self.disturb(t)
+        self.disturb(t)
         try:
             within = self._advance(float(self.h[0]))
         except UsageError:  # no angles of the steering belong to the state any more
@@ -307,40 +264,22 @@ class ContactPlant(Plant):
 
     def _advance(self, h: float) -> bool:
         """A step of h; False, and none, where the state runs away."""
-        data, now, total = self._data, self.now, self.forces.total
+        data, now = self._data, self.now
         self._model.opt.timestep = h
         if self._resist is not None:
             self._resist()
-        np.add(self.v, self.forces.d, out=total)
-        force = self._generalised(total)
+        force = self._generalised(self.v + self.forces.d)
         if not (
             np.abs(data.qvel).max(initial=0.0) < _RUNAWAY
             and np.abs(force).max(initial=0.0) < 1e3 * _RUNAWAY
         ):
             return False
-        before = now.z.copy()
-        power = float(force @ data.qvel)
+        before, power = now.z.copy(), float(force @ data.qvel)
         self._integrate(force)
         self.work[0] += 0.5 * h * (power + float(force @ data.qvel))
         self._measure()
-        np.subtract(now.z, before, out=self._z_dot)
-        self._z_dot /= h
+        self._z_dot[:] = (now.z - before) / h
         return True
-
-    def _resistances(self) -> Callable[[], int] | None:
-        """Function that fills the torques of friction and stops at a state; None without any."""
-        now = self.now
-        if not self._friction and not self._stops:
-            return None
-        d, rate = self.forces.d, np.zeros(self.robot.nz)
-        return sequence(
-            now.run_inertia,
-            now.inertia,
-            bind(apply_transpose, now.B, now.z, rate),
-            partial(np.copyto, d, self._external),
-            *(part.entry(rate, d) for part in self._friction),
-            *(part.entry(now, d) for part in self._stops),
-        )
 
     def _generalised(self, total: Array) -> Array:
         """Forces on MuJoCo's degrees of freedom from those on the motors' axes."""
@@ -349,7 +288,12 @@ class ContactPlant(Plant):
         of_q[robot.platform_index] = now.platform_B @ total[: robot.n_alpha]
         of_q[robot.arm_index] = total[robot.n_alpha :]
         if self._virtual:
-            self._hold_modules(of_q)
+            # drives keep the modules at the angles which the others ask for: the constraint of the
+            # model that no ground enforces
+            wanted, rates = robot.consistent(now.q), now.C @ now.z
+            for i, dof, inertia in self._modules:
+                away, faster = wanted[i] - now.q[i], rates[i] - data.qvel[dof]
+                of_q[i] += inertia * _SERVO * (_SERVO * away + 2.0 * faster)
         force[self._dof] = of_q[self._own]
         if self._pose:
             x, y, theta = self._pose
@@ -357,16 +301,6 @@ class ContactPlant(Plant):
             force[dof], force[dof + 1] = of_q[x], of_q[y]
             force[dof + 3 : dof + 6] = of_q[theta] * rows[2]
         return force
-
-    def _hold_modules(self, force: Array) -> None:
-        """Torques of the drives that keep the modules at the angles which the others ask for: the
-        constraint of the model that no ground enforces."""
-        now, data = self.now, self._data
-        wanted = self.robot.consistent(now.q)
-        rates = now.C @ now.z
-        for i, dof, inertia in self._modules:
-            away, faster = wanted[i] - now.q[i], rates[i] - data.qvel[dof]
-            force[i] += inertia * _SERVO * (_SERVO * away + 2.0 * faster)
 
     def _integrate(self, force: Array) -> None:
         """A step of MuJoCo; as mj_step, but that contacts may be changed before they act, and that
@@ -394,31 +328,29 @@ class ContactPlant(Plant):
             if i is None:
                 continue
             if self._wheels[i].directed:
-                normal = frames[row, :3]
-                along = self._direction(i)
+                normal, along = frames[row, :3], self._direction(i)
                 along -= (along @ normal) * normal
                 along /= math.sqrt(along @ along)
-                frames[row, 3:6] = along
                 (a, b, c), (x, y, z) = normal.tolist(), along.tolist()
+                frames[row, 3:6] = along
                 frames[row, 6:9] = b * z - c * y, c * x - a * z, a * y - b * x
             for centre, square, grip in self._patches:
                 away = places[row, :2] - centre
                 if away @ away < square:
                     across = friction[row, 1] / friction[row, 0]
-                    friction[row, :2] = grip, max(across * grip, 1e-5)
+                    friction[row, :2] = grip, max(across * grip, LEAST_FRICTION)
                     break
 
     def _direction(self, i: int) -> Array:
         """The direction in which a foot with rollers has friction, in world axes."""
-        foot, geom = self._wheels[i], self._geoms[i]
-        body = self._model.geom_bodyid[geom]
+        foot, body = self._wheels[i], self._model.geom_bodyid[self._geoms[i]]
         axis: Array = self._data.xmat[body].reshape(3, 3) @ foot.axis
         if foot.name != foot.joint:  # it does not turn
             return axis
         angle = foot.roller or 0.0
         c, s = math.cos(angle), math.sin(angle)
-        ahead = np.array([axis[1], -axis[0], 0.0])  # axis x z
-        return np.array([c * ahead[0] - s * ahead[1], s * ahead[0] + c * ahead[1], 0.0])
+        x, y = axis[1], -axis[0]  # axis x z: ahead
+        return np.array([c * x - s * y, s * x + c * y, 0.0])
 
     def grip(self, ways: Array) -> Array:
         """The friction that the driven wheels give under their present load (N).
@@ -442,9 +374,7 @@ class ContactPlant(Plant):
             raise SpecError(f"robot {name!r} has no driven wheels, by which it had traction")
         force = np.zeros(len(ways))
         for i in wheels:
-            along = np.ones(len(ways))
-            if self._wheels[i].directed:
-                along = np.abs(ways @ self._direction(i)[:2])
+            along = np.abs(ways @ self._direction(i)[:2]) if self._wheels[i].directed else 1.0
             force += self._given.friction * self.recorded.normal[i] * along
         return force
 
@@ -458,14 +388,18 @@ class ContactPlant(Plant):
 
     def _measure(self) -> None:
         """(q, z) and the true q' of MuJoCo's state."""
-        robot, now, data, q_dot = self.robot, self.now, self._data, self.q_dot
-        now.q[self._own] = data.qpos[self._at]
-        q_dot[self._own] = data.qvel[self._dof]
+        robot, now, data, q_dot, n = (
+            self.robot,
+            self.now,
+            self._data,
+            self.q_dot,
+            self.robot.n_alpha,
+        )
+        now.q[self._own], q_dot[self._own] = data.qpos[self._at], data.qvel[self._dof]
         if self._pose:
-            at, dof = self._base_at, self._base_dof
+            at, dof, theta = self._base_at, self._base_dof, self._pose[2]
             w, x, y, z = data.qpos[at + 3 : at + 7]
             yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-            theta = self._pose[2]
             now.q[self._pose[:2]] = data.qpos[at : at + 2]
             now.q[theta] += math.remainder(yaw - now.q[theta], math.tau)
             q_dot[self._pose[:2]] = data.qvel[dof : dof + 2]
@@ -478,16 +412,13 @@ class ContactPlant(Plant):
         now.velocity()
         if self._virtual:
             self._find_virtual()
-        n = robot.n_alpha
         now.z[n:] = q_dot[robot.arm_index]
         if n:
             rows, weights = self._told, self._weights
-            now.z[:n] = np.linalg.lstsq(
-                weights[:, None] * now.C[rows, :n], weights * q_dot[rows], rcond=None
-            )[0]
+            C, told = weights[:, None] * now.C[rows, :n], weights * q_dot[rows]
+            now.z[:n] = np.linalg.lstsq(C, told, rcond=None)[0]
         now.velocity()
-        if self._virtual:
-            q_dot[self._virtual] = now.q_dot[self._virtual]
+        q_dot[self._virtual] = now.q_dot[self._virtual]
 
     def _find_virtual(self) -> None:
         """The coordinates that no joint has, from those that follow them, by Gauss and Newton."""
@@ -496,16 +427,14 @@ class ContactPlant(Plant):
         for _ in range(3):
             away = (now.q - robot.consistent(now.q))[followers]
             c = now.C[:, : robot.n_alpha]
-            change = np.linalg.lstsq(c[followers], away, rcond=None)[0]
-            now.q[virtual] += c[virtual] @ change
+            now.q[virtual] += c[virtual] @ np.linalg.lstsq(c[followers], away, rcond=None)[0]
             now.velocity()
 
     def look(self) -> None:
         """Fill what is recorded of the ground."""
-        data, model, recorded = self._data, self._model, self.recorded
         if not self._pose:
             return
-        mj = self._mj
+        mj, data, model, recorded = self._mj, self._data, self._model, self.recorded
         recorded.normal[:] = recorded.friction[:] = recorded.slip[:] = 0.0
         recorded.lift[:] = np.inf
         force, twist = np.zeros(6), np.zeros(6)
@@ -518,18 +447,16 @@ class ContactPlant(Plant):
             mj.mj_contactForce(model, data, k, force)
             recorded.normal[i] += force[0]
             recorded.friction[i] += math.hypot(force[1], force[2])
-            mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, self._geoms[i], twist, 0)
-            arm = places[k] - data.geom_xpos[self._geoms[i]]
-            speed = twist[3:] + np.cross(twist[:3], arm)
+            mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, geom, twist, 0)
+            speed = twist[3:] + np.cross(twist[:3], places[k] - data.geom_xpos[geom])
             frame = frames[k].reshape(3, 3)
             across = 0.0 if self._wheels[i].directed else frame[2] @ speed
             recorded.slip[i] = max(recorded.slip[i], math.hypot(frame[1] @ speed, across))
-        for i, foot in enumerate(self._wheels):
+        for i, (foot, geom) in enumerate(zip(self._wheels, self._geoms, strict=True)):
             if math.isinf(recorded.lift[i]):
-                recorded.lift[i] = max(0.0, data.geom_xpos[self._geoms[i]][2] - foot.radius)
-        at = self._base_at
-        w, x, y, z = data.qpos[at + 3 : at + 7]
-        recorded.base[0] = data.qpos[at + 2]
+                recorded.lift[i] = max(0.0, data.geom_xpos[geom][2] - foot.radius)
+        w, x, y, z = data.qpos[self._base_at + 3 : self._base_at + 7]
+        recorded.base[0] = data.qpos[self._base_at + 2]
         recorded.base[1] = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
         recorded.base[2] = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
         recorded.tip[:] = data.site_xpos[self._tip]

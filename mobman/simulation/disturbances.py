@@ -1,22 +1,24 @@
-"""Disturbance torques on the motors' axes; D = -B d in (17)."""
+"""Torques on the motors' axes besides their own: disturbances, D = -B d in (17), and friction."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Self
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from mobman.arrays import Array
+from mobman.arrays import Array, Matrix, Vector
+from mobman.compiled import bind, kernel
 from mobman.errors import SpecError
-from mobman.simulation.pieces import PACKAGE, Each, Piece, Setting, Types
+from mobman.linalg import dot
+from mobman.simulation.pieces import Each, Piece, Setting, types_of
 
 Torque = Callable[[float], Array]
 """Disturbance torque on the motors' axes at time t (N m, N), shape (nz,)."""
 
-disturbances = Types("disturbance type", PACKAGE, "mobman.disturbances")
+disturbances = types_of("disturbance type", "mobman.disturbances")
 """Types of disturbances; each starts as a :data:`Torque`."""
 
 _TONES = 64
@@ -38,10 +40,8 @@ class Amplitude(Piece):
         return self
 
     def torques(self, inertia: Array) -> Array:
-        """The amplitude on every motor's axis (N m, N), shape (nz,).
-
-        Args:
-            inertia: Effective inertia at each motor (kg m^2, kg), shape (nz,).
+        """The amplitude on every motor's axis (N m, N), by the effective inertia at each motor (kg m^2,
+        kg), shapes (nz,).
 
         Raises:
             SpecError: If a list has not one entry for each motor.
@@ -52,15 +52,15 @@ class Amplitude(Piece):
                 f"the amplitude has {len(value)} entries; the robot has {len(inertia)} "
                 "motors: give one number, or one for each"
             )
-        scale = inertia if self.torque is None else np.ones_like(inertia)
-        return np.asarray(value, dtype=float) * scale
+        return np.asarray(value, dtype=float) * (
+            inertia if self.torque is None else np.ones_like(inertia)
+        )
 
 
 class Constant(Amplitude):
     """The amplitude on every motor's axis, from the start on."""
 
     def start(self, setting: Setting) -> Torque:
-        """See :class:`Piece`."""
         torque = self.torques(setting.inertia)
         return lambda t: torque
 
@@ -78,7 +78,6 @@ class Growing(Amplitude):
     """At least 1, since D' has to be bounded at the start too."""
 
     def start(self, setting: Setting) -> Torque:
-        """See :class:`Piece`."""
         amplitude = self.torques(setting.inertia)
         torque = amplitude * setting.random.choice([-1.0, 1.0], len(amplitude))
         # NumPy's power is infinite where Python's is an error
@@ -103,7 +102,6 @@ class BandNoise(Amplitude):
         return self
 
     def start(self, setting: Setting) -> Torque:
-        """See :class:`Piece`."""
         random, (low, high) = setting.random, self.band
         tone = self.torques(setting.inertia) * math.sqrt(2.0 / _TONES)
         where = np.arange(_TONES) + random.uniform(0.0, 1.0, (len(tone), _TONES))
@@ -119,7 +117,6 @@ class Sinusoid(Amplitude):
     """Hz."""
 
     def start(self, setting: Setting) -> Torque:
-        """See :class:`Piece`."""
         torque = self.torques(setting.inertia)
         phase = setting.random.uniform(0.0, 2.0 * math.pi, len(torque))
         rate = 2.0 * math.pi * self.frequency
@@ -134,7 +131,6 @@ class RandomSteps(Amplitude):
     """s."""
 
     def start(self, setting: Setting) -> Torque:
-        """See :class:`Piece`."""
         torque, random = self.torques(setting.inertia), setting.random
         levels = [np.zeros(len(torque))]
 
@@ -152,3 +148,112 @@ disturbances.register("growing", Growing)
 disturbances.register("noise", BandNoise)
 disturbances.register("sinusoid", Sinusoid)
 disturbances.register("steps", RandomSteps)
+
+
+# Friction ---------------------------------------------------------------------------------------------
+
+
+class Resistance(NamedTuple):
+    """Friction of one run."""
+
+    entry: Callable[[Array, Array], Callable[[], None]]
+    """Gives a function that subtracts the friction from the torques, both read in place: the axes'
+    rates B^T z (rad/s, m/s), and torques on the axes (N m, N), shapes (nz,)."""
+    slope: Array
+    """The largest derivative of each axis' friction by its rate (N m s, N s/m), shape (nz,)."""
+
+
+frictions = types_of("friction type", "mobman.friction")
+"""Types of friction; each starts as a :class:`Resistance`, or None."""
+
+
+class FrictionLevel(Amplitude):
+    """Strength of a friction: an amplitude that is not negative."""
+
+    @field_validator("torque", "acceleration")
+    @classmethod
+    def _brakes(cls, value: Each | None) -> Each | None:
+        if value is not None and np.min(value) < 0.0:
+            raise ValueError("must not be negative: friction brakes")
+        return value
+
+
+class Coulomb(FrictionLevel):
+    """The amplitude against the motion, as amplitude x tanh(rate / ``velocity``).
+
+    The sign function has no solution that an integrator could follow through 0; this has, and an axis
+    under less than the amplitude creeps where a real one would stick.
+    """
+
+    velocity: float = Field(0.05, gt=0)
+    """Rate at which 76 % of the amplitude is reached (rad/s, m/s)."""
+
+    def start(self, setting: Setting) -> Resistance:
+        level, v = self.torques(setting.inertia), self.velocity
+        return Resistance(lambda rate, torque: bind(_coulomb, level, v, rate, torque), level / v)
+
+
+class Viscous(FrictionLevel):
+    """The amplitude is that at 1 rad/s (1 m/s)."""
+
+    def start(self, setting: Setting) -> Resistance:
+        slope = self.torques(setting.inertia)
+        return Resistance(lambda rate, torque: bind(_viscous, slope, rate, torque), slope)
+
+
+class UrdfFriction(Piece):
+    r"""``<dynamics damping="b" friction="c">`` of every joint that moves.
+
+    A joint of rate :math:`\dot q_i` is braked by
+    :math:`b_i\dot q_i + c_i\tanh(\dot q_i/\mathrm{velocity})`. The rates are
+    :math:`\dot q = C B^{-T}r` for the motors' axes' rates :math:`r = B^T z`, so that the axes are braked
+    by :math:`B^{-1}C^T` times that; C and B are those at rest, which are constant but for the wheels of
+    a car, whose share in its speed depends on the steering.
+    """
+
+    factor: float = Field(1.0, ge=0)
+    """Multiplies what the URDF states."""
+    velocity: float = Field(0.05, gt=0)
+    """Rate at which 76 % of ``friction`` is reached (rad/s, m/s)."""
+
+    def start(self, setting: Setting) -> Resistance | None:
+        robot, velocity = setting.robot, self.velocity
+        moved = [i for i, n in enumerate(robot.joint_names) if n not in robot.platform.base_joints]
+        damping = self.factor * robot.model.damping[moved]
+        dry = self.factor * robot.model.upperDryFrictionLimit[moved]
+        if not np.any(damping) and not np.any(dry):
+            return None
+        C = robot.velocity_map(robot.q_rest)
+        B = C.T @ robot.actuation(robot.q_rest)
+        share = np.ascontiguousarray(C[moved] @ np.linalg.inv(B).T)
+        slope = np.abs(share).T @ ((damping + dry / velocity) * np.abs(share).sum(axis=1))
+        parts = share, damping, dry, velocity
+        return Resistance(lambda rate, torque: bind(_brake, *parts, rate, torque), slope)
+
+
+@kernel
+def _coulomb(level: Vector, velocity: float, rate: Vector, torque: Vector) -> None:
+    for i in range(rate.shape[0]):
+        torque[i] -= level[i] * math.tanh(rate[i] / velocity)
+
+
+@kernel
+def _viscous(coefficient: Vector, rate: Vector, torque: Vector) -> None:
+    for i in range(rate.shape[0]):
+        torque[i] -= coefficient[i] * rate[i]
+
+
+@kernel
+def _brake(
+    share: Matrix, damping: Vector, dry: Vector, velocity: float, rate: Vector, torque: Vector
+) -> None:
+    for i in range(share.shape[0]):
+        own = dot(share[i], rate)
+        braked = damping[i] * own + dry[i] * math.tanh(own / velocity)
+        for j in range(rate.shape[0]):
+            torque[j] -= share[i, j] * braked
+
+
+frictions.register("coulomb", Coulomb)
+frictions.register("urdf", UrdfFriction)
+frictions.register("viscous", Viscous)

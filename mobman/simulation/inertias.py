@@ -13,12 +13,12 @@ from pydantic import Field, model_validator
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.pieces import PACKAGE, Piece, Setting, Triple, Types, some_given
+from mobman.simulation.pieces import Factor, Piece, Setting, Spread, Triple, some_given, types_of
 
 Change = Callable[[pin.Model], None]
 """Changes the true robot's inertias in place."""
 
-inertias = Types("type of inertias", PACKAGE, "mobman.inertias")
+inertias = types_of("type of inertias", "mobman.inertias")
 """Types of differences; each starts as a :data:`Change`."""
 
 
@@ -33,13 +33,13 @@ class Links(Piece):
     """Names of links or of the joints that move them; ``*``, ``?`` and ``[...]`` as in file names."""
     part: Literal["all", "platform", "arm"] = "all"
     """Only those of the arm or of the platform, whatever their names."""
-    mass_factor: float = Field(1.0, gt=0)
+    mass_factor: Factor = 1.0
     """Factor of each body's mass and inertia."""
-    mass_spread: float = Field(0.0, ge=0, lt=1)
+    mass_spread: Spread = 0.0
     """The mass factor times a number from [1 - spread, 1 + spread], for each body its own."""
-    inertia_factor: float = Field(1.0, gt=0)
+    inertia_factor: Factor = 1.0
     """Factor of each body's inertia about its centre of mass, in addition to the mass factor."""
-    inertia_spread: float = Field(0.0, ge=0, lt=1)
+    inertia_spread: Spread = 0.0
     """The inertia factor times such a number."""
     centre_offset: Triple = [0.0, 0.0, 0.0]
     """Shift of the centre of mass, in the axes of the joint that moves the body (m)."""
@@ -48,8 +48,12 @@ class Links(Piece):
     along each axis."""
 
     def start(self, setting: Setting) -> Change:
-        """See :class:`Piece`."""
-        chosen, random = self._chosen(setting.robot), setting.random
+        robot, random, moved = setting.robot, setting.random, set(setting.robot.arm.joints)
+        joints, links = range(1, robot.model.njoints), robot.model.inertias
+        what = "link that has a mass and no joint"
+        chosen = bodies_named(robot, self.links, [i for i in joints if links[i].mass > 0], what)
+        arm = {i for i in chosen if robot.model.joints[i].idx_q in moved}
+        chosen = {"all": chosen, "arm": arm, "platform": chosen - arm}[self.part]
 
         def change(model: pin.Model) -> None:
             for i in range(1, model.njoints):
@@ -67,33 +71,15 @@ class Links(Piece):
 
         return change
 
-    def _chosen(self, robot: MobileManipulator) -> set[int]:
-        """The joints that move the chosen bodies.
-
-        Raises:
-            SpecError: If a name fits none.
-        """
-        model = robot.model
-        bodies = [i for i in range(1, model.njoints) if model.inertias[i].mass > 0]
-        what = "link that has a mass and no joint"
-        chosen, arm = bodies_named(robot, self.links, bodies, what), set(robot.arm.joints)
-        moves_arm = {i for i in chosen if model.joints[i].idx_q in arm}
-        return {"all": chosen, "arm": moves_arm, "platform": chosen - moves_arm}[self.part]
-
 
 def bodies_named(
     robot: MobileManipulator, links: str | list[str], among: Iterable[int], what: str
 ) -> set[int]:
-    """Joints whose name, or that of a link that they move, fits a pattern.
-
-    Args:
-        robot: The robot.
-        links: Patterns as of file names.
-        among: Numbers of the joints to choose from.
-        what: One of them in messages.
+    """Joints of those ``among`` the robot's whose name, or that of a link that they move, fits a pattern
+    as of file names.
 
     Raises:
-        SpecError: If a pattern fits none.
+        SpecError: If a pattern fits none; ``what`` it fits none of.
     """
     model = robot.model
     names = {i: {model.names[i]} for i in among}
@@ -104,7 +90,7 @@ def bodies_named(
     for pattern in [links] if isinstance(links, str) else links:
         fits = {i for i in names if any(fnmatchcase(name, pattern) for name in names[i])}
         if not fits:
-            listing = ", ".join(sorted({name for some in names.values() for name in some}))
+            listing = ", ".join(sorted(set().union(*names.values())))
             raise SpecError(
                 f"field 'links': {pattern!r} fits no {what} of robot {robot.name!r}, which has "
                 f"{listing}"
@@ -129,7 +115,7 @@ class Payload(Piece):
 
     @model_validator(mode="after")
     def _physical(self) -> Self:
-        some_given({"mass": self.mass, "share": self.share}, most=1)
+        some_given(self, "mass", "share", most=1)
         if self.inertia is None:
             return self
         if len(self.inertia) not in (3, 6):
@@ -145,21 +131,18 @@ class Payload(Piece):
         return self
 
     def _tensor(self) -> Array:
-        if self.inertia is None:
-            return np.zeros((3, 3))
-        if len(self.inertia) == 3:
-            return np.diag(self.inertia)
+        if self.inertia is None or len(self.inertia) == 3:
+            return np.diag(self.inertia or [0.0, 0.0, 0.0])
         xx, xy, xz, yy, yz, zz = self.inertia
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
     def start(self, setting: Setting) -> Change | None:
-        """See :class:`Piece`."""
         robot = setting.robot
         mass = self.mass if self.share is None else self.share * carried_mass(robot)
         if not mass:
             return None
         load = pin.Inertia(mass, np.array(self.offset), self._tensor())
-        return lambda model: add_to_tip(model, robot, load)
+        return lambda model: _add_to_tip(model, robot, load)
 
 
 def carried_mass(robot: MobileManipulator) -> float:
@@ -169,26 +152,15 @@ def carried_mass(robot: MobileManipulator) -> float:
     return float(sum(model.inertias[i].mass for i in chain if model.joints[i].idx_q in arm))
 
 
-def add_to_tip(model: pin.Model, robot: MobileManipulator, load: pin.Inertia) -> None:
-    """Fix a load, given in the tip's frame, to the tip of a robot's model."""
-    tip = model.frames[robot.tip_frame]
-    model.appendBodyToJoint(tip.parentJoint, load, tip.placement)
-
-
 def true_robot(
     robot: MobileManipulator,
     mass_factor: float = 1.0,
     inertia_factor: float | None = None,
     payload: float = 0.0,
 ) -> MobileManipulator:
-    """The robot with other inertias; the same object if nothing changes.
-
-    Args:
-        robot: The nominal robot.
-        mass_factor: Factor of every link's mass.
-        inertia_factor: Factor of every link's inertia about its centre of mass; the mass's by default.
-        payload: Point mass at the tip (kg).
-    """
+    """The robot with other inertias, the same object if nothing changes: factors of every link's mass
+    and of its inertia about its centre of mass, by default the mass's, and a point mass at the tip
+    (kg)."""
     turning = mass_factor if inertia_factor is None else inertia_factor
     if mass_factor == 1.0 and turning == 1.0 and payload == 0.0:
         return robot
@@ -197,8 +169,13 @@ def true_robot(
         link = model.inertias[i]
         model.inertias[i] = pin.Inertia(link.mass * mass_factor, link.lever, link.inertia * turning)
     if payload > 0.0:
-        add_to_tip(model, robot, pin.Inertia(payload, np.zeros(3), np.zeros((3, 3))))
+        _add_to_tip(model, robot, pin.Inertia(payload, np.zeros(3), np.zeros((3, 3))))
     return robot.with_model(model)
+
+
+def _add_to_tip(model: pin.Model, robot: MobileManipulator, load: pin.Inertia) -> None:
+    tip = model.frames[robot.tip_frame]
+    model.appendBodyToJoint(tip.parentJoint, load, tip.placement)
 
 
 inertias.register("links", Links)

@@ -33,12 +33,7 @@ class Divergence(IntEnum):
     NOT_UNIT = 15
 
     def reason(self, z: Array, error: Array) -> str:
-        """The reason in words.
-
-        Args:
-            z: Reduced velocity, shape (nz,).
-            error: Task error (m), shape (m,).
-        """
+        """The reason in words, by the reduced velocity, shape (nz,), and the task error (m), (m,)."""
         return {
             Divergence.NO: "",
             Divergence.STATE: "the state is not finite",
@@ -50,24 +45,18 @@ class Divergence(IntEnum):
 
 
 class _Step(NamedTuple):
-    """A step of Runge-Kutta."""
+    """A step of Runge-Kutta: its length, the state at which a slope is taken, the state at which it
+    starts, and the four slopes of q, z and the work."""
 
     h: Vector
-    """Its length (s), shape (1,)."""
     q: Vector
-    """State at which a slope is taken."""
     z: Vector
     q_0: Vector
-    """State at which the step starts."""
     z_0: Vector
     q_slopes: Matrix
-    """Shape (4, nq)."""
     z_slopes: Matrix
-    """Shape (4, nz)."""
     power: Matrix
-    """Shape (4, 1)."""
     work: Vector
-    """Shape (1,)."""
 
 
 class RungeKutta:
@@ -78,10 +67,7 @@ class RungeKutta:
     serves the step that follows.
 
     Args:
-        plant: The plant.
-        q: Its configuration, shape (nq,).
-        z: Its reduced velocity, shape (nz,).
-        h: Length of a step (s).
+        plant: The plant, from the state q, z on, shapes (nq,) and (nz,), in steps of h (s).
 
     Attributes:
         h: Length of the next step (s), shape (1,).
@@ -89,21 +75,22 @@ class RungeKutta:
     """
 
     def __init__(self, plant: Plant, q: Array, z: Array, h: float) -> None:
-        self.plant = plant
-        now, robot = plant.now, plant.robot
-        now.q[:] = q
-        now.z[:] = z
+        self.plant, now, nq, nz = plant, plant.now, plant.robot.nq, plant.robot.nz
+        now.q[:], now.z[:] = q, z
         self.h, self.work = np.array([h], dtype=float), np.zeros(1)
         step = _Step(
             *(self.h, now.q, now.z, now.q.copy(), now.z.copy()),
-            *(np.zeros((4, robot.nq)), np.zeros((4, robot.nz)), np.zeros((4, 1)), self.work),
+            *(np.zeros((4, nq)), np.zeros((4, nz)), np.zeros((4, 1)), self.work),
         )
-        slopes = [bind(_slope, plant.forces, plant.q_dot, step, i) for i in range(4)]
         motion = [plant.motion] if plant.slips else []
-        # at the start, the dynamics are evaluated
-        self._stages = [sequence(*motion, slopes[0], now.velocity)]
-        self._stages += [
-            sequence(plant.dynamics, *motion, slope, now.velocity) for slope in slopes[1:]
+        self._stages = [
+            sequence(
+                *([plant.dynamics] if i else []),  # at the start they are evaluated
+                *motion,
+                bind(_slope, plant.forces, plant.q_dot, step, i),
+                now.velocity,
+            )
+            for i in range(4)
         ]
         now.velocity()
 
@@ -126,46 +113,34 @@ class RungeKutta:
         plant, run_dynamics = self.plant, self.plant.now.run_dynamics
         first, second, third, fourth = self._stages
         first()
-        if plant.disturbed:
-            plant.disturb(t + 0.5 * self.h[0])
+        plant.disturb(t + 0.5 * self.h[0])
         run_dynamics()
         status = second()
         run_dynamics()
         status |= third()
-        if plant.disturbed:
-            plant.disturb(t + self.h[0])
+        plant.disturb(t + self.h[0])
         run_dynamics()
-        if status := status | fourth():
-            require_success(status)
+        require_success(status | fourth())
 
 
 class TickIntegrator:
-    """Integrates the plant tick by tick, from rest, in equal steps of at most 1 ms.
+    """Integrates the plant tick by tick (dt, s), from rest at q0 (m, rad), shape (nq,), in equal steps
+    of at most 1 ms.
 
-    Where torques arrive between ticks, a tick has two parts, each in steps of its own.
-
-    Args:
-        plant: The plant, with the torque that acts from a tick on.
-        actuation: Gives the torque that arrives later in the tick; None if none does.
-        q0: Start (m, rad), shape (nq,).
-        dt: Sampling period (s).
+    Where torques arrive between ticks, by an actuation, a tick has two parts, each in steps of its own;
+    the plant has the torque that acts from a tick on.
 
     Raises:
         SpecError: If friction is too steep to be integrated in these steps.
     """
 
     def __init__(
-        self,
-        plant: Plant,
-        actuation: ActuationChain | None,
-        q0: Array,
-        dt: float,
+        self, plant: Plant, actuation: ActuationChain | None, q0: Array, dt: float
     ) -> None:
-        steps = _steps_of(dt)
-        plant.follow_friction(q0, dt / steps)
+        h = dt / _steps_of(dt)
+        plant.follow_friction(q0, h)
         self._plant, self._actuation = plant, actuation
-        own = plant.own_state(q0, dt / steps)
-        self._state = own or RungeKutta(plant, q0, np.zeros(plant.robot.nz), dt / steps)
+        self._state = plant.own_state(q0, h) or RungeKutta(plant, q0, np.zeros(plant.robot.nz), h)
         split = actuation.split if actuation is not None else 0.0
         self._first, self._second = (split * dt, (1.0 - split) * dt) if split else (dt, 0.0)
 
@@ -175,10 +150,10 @@ class TickIntegrator:
         return float(self._state.work[0])
 
     def advance(self, t: float) -> tuple[float, str] | None:
-        """Go from a tick to the next; if the state diverges on the way, the time (s) and the reason.
+        """Go from a tick, at t (s), to the next; the dynamics are evaluated at the state.
 
-        Args:
-            t: The tick's time (s); the dynamics are evaluated at the state.
+        Returns:
+            The time (s) and the reason if the state diverges on the way.
 
         Raises:
             SingularityError: If M is not positive definite somewhere on the way.
@@ -221,14 +196,8 @@ def _steps_of(length: float, largest: float = _LARGEST_STEP) -> int:
 
 @kernel
 def divergence(q: Vector, z: Vector, tip: Vector, p_d: Matrix) -> int:
-    """The number of a :class:`Divergence`; as an enum it would be made in Python, which takes 2 us.
-
-    Args:
-        q: Configuration, shape (nq,).
-        z: Reduced velocity, shape (nz,).
-        tip: Position of the tip (m), shape (3,).
-        p_d: The desired position in its first row, shape (4, 2) or more.
-    """
+    """The number of a :class:`Divergence`, by the state, the tip (m), shape (3,), and the desired
+    position in the first row of p_d, (4, 2) or more; as an enum it would be made in Python: 2 us."""
     directions = min(p_d.shape[1], 3)
     for i in range(q.shape[0]):
         if not math.isfinite(q[i]):

@@ -10,7 +10,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mobman.arrays import Array, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
@@ -20,83 +19,65 @@ from mobman.linalg import dot
 from mobman.model.criterion import Criterion, Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.orientation import (
-    NOT_UNIT,
-    OrientationError,
-    Turn,
-    pointing_error,
-    pose_error,
-)
+from mobman.model.orientation import NOT_UNIT, OrientationError, Turn, pointing_error, pose_error
 from mobman.model.task_map import TaskMap
 from mobman.simulation.actuation import ActuationChain
 from mobman.simulation.integrator import Divergence, TickIntegrator, divergence
-from mobman.simulation.measured_tip import MeasuredTip
-from mobman.simulation.plant import NOT_DEFINITE, Plant, require_success
+from mobman.simulation.kinematics import MeasuredTip
+from mobman.simulation.pieces import Setting
+from mobman.simulation.plant import NOT_DEFINITE, require_success
 from mobman.simulation.record_file import APPLIED, OWN_PLACES
-from mobman.simulation.sensors import Measurement
-from mobman.tasks.task import Task, task_entry
+from mobman.simulation.scenario import GivenPlant, Scenario, true_plant
+from mobman.tasks.task import Task, task_entry, task_map_of
 
 Observer = Callable[[float, Array, Array, Array], None]
 """Is given t (s), q, z and the torque at a tick; the arrays are its own."""
 
 
 class Samples:
-    """Samples of a run, one row a tick.
+    """Samples of a run, one row a tick; arrays of its record have their names there.
 
     Args:
         rows: Number of ticks.
         robot: The plant's robot.
         task_map: The task's coordinates.
+        actuated: Whether the torque that acts is not the commanded one.
 
     Attributes:
-        q: Configuration (m, rad), shape (rows, nq).
-        z: Reduced velocity, shape (rows, nz).
-        torque: Commanded v, shape (rows, nz).
-        tip: Position of the tip, f_e (m), shape (rows, min(m, 3)).
-        desired: That desired, p_d (m), shape (rows, min(m, 3)).
-        orientation: Of the tip, (w, x, y, z) or the axis that points, shape (rows, 4 or 3); without rows
-            for other tasks.
-        desired_orientation: The same that is desired.
+        tip_orientation, tip_desired_orientation: Without rows for tasks that have none.
         orientation_error: e_o, shape (rows, m - 3).
-        auxiliary: e^a, shape (rows, nz - m); NaN where it is not known.
-        compute_time: Time that the controller took (s), shape (rows,).
+        auxiliary_error: NaN where it is not known.
         applied: Torque that acts, shape (rows, nz); None where it is the commanded one.
         limited: Whether a limit changed the commanded torque, shape (rows,); None with ``applied``.
         velocity_ratio: Largest |q'| of a joint over its limit, shape (rows,); 0 without limits.
         signals: Signals of the controller by name, ``rows`` rows each; NaN where it gives none.
         count: How many rows are filled.
         work: Integral of z^T (B v - D) over the run (J).
-        status: As in :class:`mobman.Record`.
-        message: The same.
         error: What the law or the plant raised where a matrix had lost its rank.
     """
 
-    def __init__(self, rows: int, robot: MobileManipulator, task_map: TaskMap) -> None:
-        m, size = task_map.m, task_map.width - 3
-        self.q = np.empty((rows, robot.nq))
-        self.z = np.empty((rows, robot.nz))
-        self.torque = np.empty((rows, robot.nz))
-        self.tip, self.desired = np.empty((2, rows, min(m, 3)))
-        self.orientation, self.desired_orientation = np.empty(
-            (2, rows if m > 3 else 0, max(size, 0))
+    def __init__(
+        self, rows: int, robot: MobileManipulator, task_map: TaskMap, actuated: bool
+    ) -> None:
+        m, nz, turned = task_map.m, robot.nz, (rows, task_map.width - 3)
+        self.q, self.z, self.torque = (np.empty((rows, n)) for n in (robot.nq, nz, nz))
+        self.tip_position, self.tip_desired = np.empty((2, rows, min(m, 3)))
+        self.tip_orientation, self.tip_desired_orientation = np.empty(
+            (2, *(turned if m > 3 else (0, 0)))
         )
         self.orientation_error = np.empty((rows, max(m - 3, 0)))
-        self.auxiliary = np.full((rows, robot.nz - m), np.nan)
-        self.compute_time = np.empty(rows)
-        self.applied: Array | None = None
-        self.limited: NDArray[np.bool_] | None = None
-        self.velocity_ratio = np.zeros(rows)
+        self.auxiliary_error = np.full((rows, nz - m), np.nan)
+        self.compute_time, self.velocity_ratio = np.empty(rows), np.zeros(rows)
+        self.applied = np.zeros((rows, nz)) if actuated else None
+        self.limited = np.zeros(rows, dtype=bool) if actuated else None
         self.signals: dict[str, Array] = {}
-        self.count = 0
-        self.work = 0.0
-        self.status = "ok"
-        self.message = ""
+        self.count, self.work, self.status, self.message = 0, 0.0, "ok", ""
         self.error: SingularityError | None = None
 
-    def keep_applied(self) -> None:
-        """Make room for torques that act, where these are not those that are commanded."""
-        self.applied = np.zeros_like(self.torque)
-        self.limited = np.zeros(len(self.torque), dtype=bool)
+    def filled(self) -> dict[str, Any]:
+        """The rows of the arrays that are filled, by name."""
+        arrays = {name: x for name, x in vars(self).items() if isinstance(x, np.ndarray)}
+        return {name: array[: self.count] for name, array in arrays.items()}
 
     def rows_of_signal(self, name: str, shape: tuple[int, ...]) -> Array:
         """The rows of a signal whose values have a shape.
@@ -110,9 +91,9 @@ class Samples:
             self.signals[name] = np.full((len(self.q), *shape), np.nan)
         return self.signals[name]
 
-    def diverged(self, t: float, reason: str) -> None:
-        """End the run at t (s) since it diverged."""
-        self.status, self.message = "diverged", f"at t = {t:.6g} s: {reason}"
+    def ended(self, t: float, reason: str, status: str = "diverged") -> None:
+        """End the run at t (s)."""
+        self.status, self.message = status, f"at t = {t:.6g} s: {reason}"
 
 
 def _round_to_nearest() -> None:
@@ -125,63 +106,61 @@ class Loop:
     """One run of a closed loop; it runs once.
 
     Args:
-        robot: The robot that the controller supposes.
-        controller: Computes the torque.
-        task: The desired trajectory.
-        task_map: The task's coordinates as a function of the state.
-        plant: The true robot and what acts on it.
-        measurement: Makes of the plant's state what the controller is given.
-        actuation: From the commanded torque to the one that acts; None if it is the same.
+        robot, controller, task, scenario, plant, dt, seed, progress: As of :func:`mobman.simulate`, each
+            an object.
         q0: Start (m, rad), shape (nq,).
         ticks: How many periods there are.
-        dt: Sampling period (s).
-        progress: Called with the fraction done, about a hundred times.
         observe: Called with the state and the torque at every ``stride``-th tick.
-        stride: Ticks from one call to the next.
         monitor: Whether the controller gives its ``monitored_signals()`` in the place of ``signals()``.
-        tip_measured: Whether the controller's errors are those of the true tip.
 
     Attributes:
-        robot: As given; so are ``controller``, ``task``, ``task_map``, ``plant``, ``ticks``, ``dt``.
+        robot: As given; so are ``controller``, ``task``, ``ticks``, ``dt``.
+        plant: The true robot and what acts on it.
+        constraint_residual: The largest |A(x) x'| at a tick up to now (m/s), shape (1,).
         samples: The samples, one row a tick; whole once :meth:`run` is over.
 
     Raises:
+        UsageError: If a part does not fit the robot.
         SpecError: If the plant's friction is too steep to be integrated.
     """
 
     def __init__(
         self,
-        *,
         robot: MobileManipulator,
         controller: Controller,
         task: Task,
-        task_map: TaskMap,
-        plant: Plant,
-        measurement: Measurement,
-        actuation: ActuationChain | None,
+        scenario: Scenario,
+        plant: GivenPlant = None,
+        *,
         q0: Array,
         ticks: int,
         dt: float,
+        seed: int,
         progress: Callable[[float], None] | None = None,
         observe: Observer | None = None,
         stride: int = 1,
         monitor: bool = False,
-        tip_measured: bool = False,
     ) -> None:
         self.robot, self.controller, self.task = robot, controller, task
-        self.task_map, self.plant = task_map, plant
-        self.ticks, self.dt = ticks, dt
-        self.samples = Samples(ticks + 1, plant.robot, task_map)
-        self._measurement, self._actuation = measurement, actuation
+        self.task_map, self.ticks, self.dt = task_map_of(task), ticks, dt
+        setting = Setting(robot, dt, np.random.default_rng(seed))
+        true = true_plant(setting, plant, scenario)
+        if robot.nz < (m := self.task_map.m):
+            raise UsageError(
+                f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {m}"
+                + ("; a task of position has 3" if m > 3 else "")
+            )
+        self.plant = scenario.make_plant(setting, true)
+        self._measurement = scenario.measurement(setting, true)
+        self._tip = MeasuredTip(task, robot) if scenario.tip == "measured" else None
+        self._actuation = actuation = scenario.actuation_chain(setting)
+        self.samples = Samples(ticks + 1, self.plant.robot, self.task_map, actuation is not None)
         self._progress, self._observe, self._stride = progress, observe, stride
-        self._integrator = TickIntegrator(plant, actuation, q0, dt)
-        self._command = plant.v if actuation is None else np.zeros(robot.nz)
-        if actuation is not None:
-            self.samples.keep_applied()
+        self._integrator = TickIntegrator(self.plant, actuation, q0, dt)
+        self._command = self.plant.v if actuation is None else np.zeros(robot.nz)
         self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
-        self._z_dot, self._residual = np.zeros(robot.nz), np.zeros(1)
+        self._z_dot, self.constraint_residual = np.zeros(robot.nz), np.zeros(1)
         self._look = self._looking()
-        self._tip = MeasuredTip(task, robot) if tip_measured else None
         self._auxiliary: Callable[[], object] | None = None
         report = "monitored_signals" if monitor else "signals"
         self._report: Callable[[], dict[str, Any]] | None = getattr(controller, report, None)
@@ -191,11 +170,6 @@ class Loop:
         """The criterion that e^a belongs to: the controller's own, or the robot's posture."""
         own: Criterion | None = getattr(self.controller, "criterion", None)
         return Posture.of(self.robot) if own is None else own
-
-    @property
-    def constraint_residual(self) -> float:
-        """The largest |A(x) x'| at a tick up to now (m/s)."""
-        return float(self._residual[0])
 
     def run(self) -> None:
         """From rest at q0 to the end, or to where it cannot go on: ``samples`` say which.
@@ -220,8 +194,7 @@ class Loop:
             self._begin()
             yield from self._go()
         except (SingularityError, np.linalg.LinAlgError) as error:
-            samples.status = "singular"
-            samples.message = f"at t = {self._tick[0] * self.dt:.6g} s: {error}"
+            samples.ended(self._tick[0] * self.dt, str(error), "singular")
             samples.error = SingularityError(str(error), getattr(error, "matrix", ""))
         except SystemExit as error:
             raise MobmanError(
@@ -247,13 +220,12 @@ class Loop:
         self.controller.reset(self.robot.copy(), self._tip or self.task, self.dt)
         extended = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
         self._auxiliary = extended.auxiliary
-        m, signals = self.task_map.m, self._signal_entries()
+        m, tick = self.task_map.m, self._tick
         self._keep_auxiliary = sequence(
-            bind(_keep_from, self._tick, extended.f, m, samples.auxiliary)
+            bind(_keep_from, tick, extended.f, m, samples.auxiliary_error)
         )
-        self._keep = sequence(
-            bind(_keep_finite, self._tick, self._command, samples.torque), *signals
-        )
+        keep_command = bind(_keep_finite, tick, self._command, samples.torque)
+        self._keep = sequence(keep_command, *self._signal_entries())
         self._evaluate_auxiliary()
 
     def _go(self) -> Iterator[tuple[Array, Array, Array]]:
@@ -262,24 +234,22 @@ class Loop:
         samples, plant, now = self.samples, self.plant, self.plant.now
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
         run_all, measure, step = now.run_all, self._measurement.take, self.controller.step
-        look, tip = self._look, self._tip
+        look, tip, disturb = self._look, self._tip, plant.disturb
         q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
         keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype
-        keep_signals = self._keep_signals if self._report is not None else None
         every, compute_time = max(1, ticks // 100), samples.compute_time
-        observe, stride = self._observe, self._stride
+        observe, stride, report = self._observe, self._stride, self._report
         for tick in range(ticks + 1):
             t = tick * dt
             t_now[0] = t
             tick_now[0] = tick
             run_all()
-            if plant.disturbed:
-                plant.disturb(t)
+            disturb(t)
             if status := look():
                 if status == NOT_DEFINITE:
                     require_success(status)
-                error = samples.tip[tick] - samples.desired[tick]
-                samples.diverged(t, Divergence(status).reason(z, error))
+                error = samples.tip_position[tick] - samples.tip_desired[tick]
+                samples.ended(t, Divergence(status).reason(z, error))
                 return
             self._evaluate_auxiliary()
             q_now, z_now, measured = seen = measure(q, z, z_dot)
@@ -293,16 +263,17 @@ class Loop:
                 torque = _checked_torque(torque, v)
             v[:] = torque
             if keep_row():
-                samples.diverged(t, "the controller's torque is not finite")
+                samples.ended(t, "the controller's torque is not finite")
                 return
             if self._actuation is not None:
                 self._actuate(self._actuation, tick)
-            if keep_signals is not None:
-                keep_signals(tick)
+            if report is not None:
+                for name, value in report().items():
+                    samples.rows_of_signal(name, np.shape(value))[tick] = value
             if observe is not None and tick % stride == 0:
                 observe(t, q.copy(), z.copy(), v.copy())
             if tick < ticks and (diverged := advance(t)) is not None:
-                samples.diverged(*diverged)
+                samples.ended(*diverged)
                 return
             samples.count = tick + 1
             if self._progress is not None and tick % every == 0:
@@ -321,20 +292,15 @@ class Loop:
             found.append(bind(_keep_from, self._tick, *flat))
         return found
 
-    def _keep_signals(self, tick: int) -> None:
-        """Keep a row of each signal."""
-        if self._report is not None:
-            for name, value in self._report().items():
-                self.samples.rows_of_signal(name, np.shape(value))[tick] = value
-
     def _looking(self) -> Callable[[], int]:
         """Entry that keeps a row of the state, or reports why it counts as diverged; then z'."""
         plant, samples, p_d = self.plant, self.samples, np.zeros((4, self.task_map.width))
         now, orientation = plant.now, []
         if self.task_map.m > 3:
             turn = OrientationError(self.task_map, now, p_d).turn
-            rows = (samples.orientation, samples.desired_orientation, samples.orientation_error)
-            orientation = [now.tip_orientation, bind(_look_at_turn, self._tick, turn, p_d, *rows)]
+            rows = (samples.tip_orientation, samples.tip_desired_orientation)
+            look = bind(_look_at_turn, self._tick, turn, p_d, *rows, samples.orientation_error)
+            orientation = [now.tip_orientation, look]
         return sequence(
             now.tip_kinematics,
             now.constraints,
@@ -342,16 +308,12 @@ class Loop:
             *([plant.motion] if plant.slips else []),
             bind(
                 _look,
-                *(self._tick, now.q, now.z, now.tip, p_d),
-                *(samples.q, samples.z, samples.tip, samples.desired),
-                *(now.A, plant.q_dot, self._residual),
+                *(self._tick, now.q, now.z, now.tip, p_d, now.A, plant.q_dot),
+                *(self.constraint_residual, samples.q, samples.z),
+                *(samples.tip_position, samples.tip_desired),
+                *(now.q_dot, 1.0 / self.robot.limits.joint_velocity, samples.velocity_ratio),
             ),
             *orientation,
-            bind(
-                _keep_velocity_ratio,
-                *(self._tick, now.q_dot, 1.0 / self.robot.limits.joint_velocity),
-                samples.velocity_ratio,
-            ),
             *plant.accelerations(self._z_dot),
         )
 
@@ -361,10 +323,9 @@ class Loop:
             return
         try:
             self._auxiliary()
+            self._keep_auxiliary()
         except SingularityError:
             self._auxiliary = None
-        else:
-            self._keep_auxiliary()
 
     def _actuate(self, actuation: ActuationChain, tick: int) -> None:
         """Pass the command through the actuation, and keep what acts."""
@@ -397,16 +358,20 @@ def _look(
     z: Vector,
     tip: Vector,
     p_d: Matrix,
+    A: Matrix,
+    q_dot: Vector,
+    largest: Vector,
     q_rows: Matrix,
     z_rows: Matrix,
     tip_rows: Matrix,
     desired_rows: Matrix,
-    A: Matrix,
-    q_dot: Vector,
-    largest: Vector,
+    rolling: Vector,
+    per_limit: Vector,
+    ratio_rows: Vector,
 ) -> int:
     """Write the tick's row of what is kept; a :class:`Divergence`. Until then, the largest entry of
-    A q' is kept, which should be rounding only."""
+    A q' is kept, which should be rounding only, and the tick's largest |q'| over its limit: whether
+    the wheels slip or not, they turn so."""
     row = tick[0]
     for i in range(q.shape[0]):
         q_rows[row, i] = q[i]
@@ -419,6 +384,8 @@ def _look(
     if status == 0:
         for i in range(A.shape[0]):
             largest[0] = max(largest[0], abs(dot(A[i], q_dot)))
+        for i in range(rolling.shape[0]):
+            ratio_rows[row] = max(ratio_rows[row], abs(rolling[i]) * per_limit[i])
     return status
 
 
@@ -435,13 +402,6 @@ def _look_at_turn(
     for i in range(error_rows.shape[1]):
         error_rows[row, i] = turn.e[i]
     return Divergence.NOT_UNIT.value if status == NOT_UNIT else 0
-
-
-@kernel
-def _keep_velocity_ratio(tick: Index, q_dot: Vector, per_limit: Vector, rows: Vector) -> None:
-    """Write the tick's largest |q'| over its limit; whether the wheels slip or not, they turn so."""
-    for i in range(q_dot.shape[0]):
-        rows[tick[0]] = max(rows[tick[0]], abs(q_dot[i]) * per_limit[i])
 
 
 @kernel

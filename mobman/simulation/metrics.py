@@ -18,7 +18,6 @@ from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.registry import Registry
-from mobman.simulation.pieces import PACKAGE
 from mobman.tasks.task import Task
 
 STEADY = 0.7
@@ -79,11 +78,14 @@ class Run:
         return np.asarray(np.linalg.norm(self.task_error[:, :3], axis=1))
 
     @property
-    def task_angle(self) -> Array | None:
-        """Angle between the tip and the desired orientation at the ticks (rad), shape (N,); None if the
+    def has_orientation(self) -> bool:
+        """True if the task has an orientation."""
+        return bool(self.task_error.shape[1] > 3)
+
+    @property
+    def task_angle(self) -> Array:
+        """Angle between the tip and the desired orientation at the ticks (rad), shape (N,); 0 where the
         task has none."""
-        if self.task_error.shape[1] <= 3:
-            return None
         half = 0.5 * np.linalg.norm(self.task_error[:, 3:], axis=1)
         return np.asarray(2.0 * np.arcsin(np.minimum(half, 1.0)))
 
@@ -110,7 +112,7 @@ class Metric:
     """False for runs that have no such number, which are recorded without it; None: all have it."""
 
 
-metrics: Registry[Metric] = Registry("metric", PACKAGE, "mobman.metrics")
+metrics: Registry[Metric] = Registry("metric", "mobman.simulation", "mobman.metrics")
 
 
 def metric(
@@ -130,11 +132,8 @@ def metric(
         name: Of the metric.
         unit: SI, ``"1"`` for a pure number.
         description: One line.
-        better: See :class:`Metric`.
         early: The metric of a run that ended early, if the function is for completed ones only.
-        section: See :class:`Metric`.
-        short: See :class:`Metric`.
-        applies: See :class:`Metric`.
+        better, section, short, applies: See :class:`Metric`.
     """
 
     def register(function: Function) -> Function:
@@ -156,12 +155,9 @@ def list_metrics() -> list[Metric]:
 
 def compute_metrics(run: Run) -> dict[str, float]:
     """Every metric of a run that applies to it."""
+    applying = [one for one in list_metrics() if one.applies is None or one.applies(run)]
     with np.errstate(all="ignore"):  # of a run that diverged some are infinite
-        return {
-            item.name: _value(item, run)
-            for item in list_metrics()
-            if item.applies is None or item.applies(run)
-        }
+        return {item.name: _value(item, run) for item in applying}
 
 
 def _value(item: Metric, run: Run) -> float:
@@ -175,96 +171,95 @@ def _value(item: Metric, run: Run) -> float:
         return math.nan
 
 
-# Tracking ----------------------------------------------------------------------------------------
-
-_tracking = partial(metric, section="tracking", early=math.inf)
-
-
-def settling_time(run: Run, threshold: float) -> float:
-    """First time from which |e^e| stays below a threshold (m) to the end (s); inf if there is none."""
-    return settled(run, run.task_distance, threshold)
+# Tracking, by position and, in tasks that have one, by orientation ---------------------------------
 
 
 def settled(run: Run, error: Array, threshold: float) -> float:
-    """The same of errors at the ticks, shape (N,)."""
+    """First time from which an error at the ticks, shape (N,), stays below a threshold to the end (s);
+    inf if there is none."""
     above = np.flatnonzero(~(error <= threshold))
     if len(above) and above[-1] == len(run.t) - 1:
         return math.inf
     return float(run.t[above[-1] + 1]) if len(above) else 0.0
 
 
-def _settling_time_to(threshold: str) -> None:
-    text = f"first time from which |e^e| stays below {threshold} m to the end"
-    metric = _tracking(f"settling_time_{threshold}", "s", text, short=f"below {threshold} m")
-    metric(lambda run: settling_time(run, float(threshold)))
+def _of_an_error(
+    names: tuple[str, str],
+    unit: str,
+    what: str,
+    size: Callable[[Run], Array],
+    *,
+    steady: str,
+    end: str = "",
+    applies: Callable[[Run], bool] | None = None,
+) -> None:
+    """Register the metrics of an error, by its size at the ticks, shape (N,)."""
+    add = partial(metric, section="tracking", early=math.inf, applies=applies)
+    the = f"the {what}" if what[0].isalpha() else what
+    (settling, name), early = names, "inf if the run ended early"
+    for below in ("1e-2", "1e-4", "1e-6"):
+        text, short = f"first time from which {the} stays", f"below {below} {unit}"
+
+        @add(f"{settling}_{below}", "s", f"{text} {short} to the end", short=short)
+        def _(run: Run, below: float = float(below)) -> float:
+            return settled(run, size(run), below)
+
+    text = f"largest {what} in the steady part; {early}"
+    add(f"{name}_max", unit, text, short=steady)(lambda run: float(size(run)[run.steady].max()))
+    text = f"root mean square of {the} in the steady part; inf if it ended early"
+    add(f"{name}_rms", unit, text)(lambda run: float(np.sqrt(np.mean(size(run)[run.steady] ** 2))))
+    add(f"{name}_final", unit, f"{what} at the end; {early}", short=end)(
+        lambda run: float(size(run)[-1])
+    )
 
 
-for _threshold in ("1e-2", "1e-4", "1e-6"):
-    _settling_time_to(_threshold)
+_of_an_error(
+    ("settling_time", "task_error"),
+    "m",
+    "|e^e|",
+    lambda run: run.task_distance,
+    steady="steady |e^e| at most",
+    end="|e^e| at the end",
+)
+_of_an_error(
+    ("orientation_settling_time", "orientation_error"),
+    "rad",
+    "angle error",
+    lambda run: run.task_angle,
+    steady="steady angle at most",
+    applies=lambda run: run.has_orientation,
+)
 
 
-@_tracking(
+@metric(
     "success",
     "1",
     "1 if completed and |e^e| settled below 1e-4 m (and rad), else 0",
     "higher",
     early=0.0,
+    section="tracking",
 )
 def success(run: Run) -> float:
-    errors = [run.task_distance, *([] if run.task_angle is None else [run.task_angle])]
+    errors = [run.task_distance, *([run.task_angle] if run.has_orientation else [])]
     return float(all(math.isfinite(settled(run, error, 1e-4)) for error in errors))
-
-
-@_tracking(
-    "task_error_max",
-    "m",
-    "largest |e^e| in the steady part; inf if the run ended early",
-    short="steady |e^e| at most",
-)
-def task_error_max(run: Run) -> float:
-    return float(run.task_distance[run.steady].max())
-
-
-@_tracking(
-    "task_error_rms", "m", "root mean square of |e^e| in the steady part; inf if it ended early"
-)
-def task_error_rms(run: Run) -> float:
-    return float(np.sqrt(np.mean(run.task_distance[run.steady] ** 2)))
-
-
-@_tracking(
-    "task_error_final",
-    "m",
-    "|e^e| at the end; inf if the run ended early",
-    short="|e^e| at the end",
-)
-def task_error_final(run: Run) -> float:
-    return float(run.task_distance[-1])
 
 
 # Redundancy --------------------------------------------------------------------------------------
 
 _redundancy = partial(metric, section="redundancy", early=math.inf)
 
-
-@_redundancy(
+_redundancy(
     "auxiliary_error_max",
     "1",
     "largest |e^a| in the steady part; inf if the run ended early",
     short="steady |e^a| at most",
-)
-def auxiliary_error_max(run: Run) -> float:
-    return float(np.linalg.norm(run.auxiliary_error[run.steady], axis=1).max())
-
-
-@_redundancy(
+)(lambda run: float(np.linalg.norm(run.auxiliary_error[run.steady], axis=1).max()))
+_redundancy(
     "criterion_final",
     "1",
     "criterion F(q) at the end; inf if the run ended early",
     short="F at the end",
-)
-def criterion_final(run: Run) -> float:
-    return run.criterion.value(run.q[-1])
+)(lambda run: run.criterion.value(run.q[-1]))
 
 
 @_redundancy(
@@ -277,10 +272,9 @@ def criterion_final(run: Run) -> float:
 )
 def lambda_min(run: Run) -> float:
     """0 where the run met a kinematic singularity."""
-    every = max(1, round(_PERIOD / run.dt))
     extended = ExtendedJacobian(run.robot, run.task_map, run.criterion)
+    ticks = range(0, len(run.q), max(1, round(_PERIOD / run.dt)))
     least = math.inf
-    ticks = list(range(0, len(run.q), every))
     for some in (ticks[i : i + _BATCH] for i in range(0, len(ticks), _BATCH)):
         jacobians = np.empty((len(some), run.robot.nz, run.robot.nz))
         for jacobian, tick in zip(jacobians, some, strict=True):
@@ -307,43 +301,40 @@ def repeatability(run: Run) -> float:
         return math.nan
     exact = (run.t[-1] - period) / run.dt
     before = round(exact)
-    arm = run.robot.arm_index
     # the nearest tick is up to dt/2 from a whole period: linear in between
     fraction = exact - before
-    other = before + (1 if fraction > 0 else -1)
-    other = min(max(other, 0), len(run.t) - 1)
-    past = (1 - abs(fraction)) * run.q[before, arm] + abs(fraction) * run.q[other, arm]
-    return float(np.linalg.norm(run.q[-1, arm] - past))
+    other = min(max(before + (1 if fraction > 0 else -1), 0), len(run.t) - 1)
+    near, beyond, end = run.q[[before, other, -1]][:, run.robot.arm_index]
+    past = (1 - abs(fraction)) * near + abs(fraction) * beyond
+    return float(np.linalg.norm(end - past))
 
 
-# Effort: motor by motor, since what is computed on the way should not be as large as the record --
+# Effort: motor by motor, since what is computed on the way should not be as large as the record,
+# and not by BLAS, whose sum of a long column depends on how many threads it has --------------------
 
 _effort = partial(metric, section="effort")
 
 
-@_effort("torque_energy", "N^2 m^2 s", "integral of |v|^2 over the run", short="integral of |v|^2")
-def torque_energy(run: Run) -> float:
-    # not by BLAS, whose sum of a long column depends on how many threads it has
-    return sum(float(run.dt * np.square(motor[:-1]).sum()) for motor in run.torque.T)
+def _variation(run: Run, n: int) -> float:
+    return sum(float(np.abs(np.diff(motor, n=n)).sum()) for motor in run.torque.T)
 
 
-@_effort("torque_peak", "N m or N", "largest torque of any motor", short="largest torque")
-def torque_peak(run: Run) -> float:
+def _peak(run: Run) -> float:
     return max(float(run.torque.max()), -float(run.torque.min()))
 
 
-@_effort("torque_variation", "N m or N", "total variation of v, summed over the motors: chattering")
-def torque_variation(run: Run) -> float:
-    return sum(float(np.abs(np.diff(motor)).sum()) for motor in run.torque.T)
-
-
-@_effort(
+_effort("torque_energy", "N^2 m^2 s", "integral of |v|^2 over the run", short="integral of |v|^2")(
+    lambda run: sum(float(run.dt * np.square(motor[:-1]).sum()) for motor in run.torque.T)
+)
+_effort("torque_peak", "N m or N", "largest torque of any motor", short="largest torque")(_peak)
+_effort("torque_variation", "N m or N", "total variation of v, summed over the motors: chattering")(
+    lambda run: _variation(run, 1)
+)
+_effort(
     "torque_rate_variation",
     "N m/s or N/s",
     "total variation of v' = (v_k+1 - v_k)/dt, summed likewise",
-)
-def torque_rate_variation(run: Run) -> float:
-    return sum(float(np.abs(np.diff(motor, n=2)).sum()) for motor in run.torque.T) / run.dt
+)(lambda run: _variation(run, 2) / run.dt)
 
 
 @_effort(
@@ -353,21 +344,18 @@ def torque_rate_variation(run: Run) -> float:
     short="largest step over its peak",
 )
 def torque_step(run: Run) -> float:
-    late = run.t[1:] > _REACHING
+    late, peak = run.t[1:] > _REACHING, _peak(run)
     steps = [np.abs(np.diff(motor))[late].max(initial=0.0) for motor in run.torque.T]
-    peak = torque_peak(run)
     return float(max(steps) / peak) if peak > 0.0 else 0.0
 
 
-@metric(
+metric(
     "saturation_share",
     "1",
     "share of the ticks at which a commanded torque met a limit",
     section="limits",
     short="share of ticks at a torque limit",
-)
-def saturation_share(run: Run) -> float:
-    return 0.0 if run.limited is None else float(np.mean(run.limited))
+)(lambda run: 0.0 if run.limited is None else float(np.mean(run.limited)))
 
 
 @metric(
@@ -383,14 +371,58 @@ def saturation_start(run: Run) -> float:
     return float(run.t[np.argmax(run.limited)])
 
 
+# Ground: slip, grip, what lifts off, and where the tip is in truth --------------------------------
+
+_ground = partial(
+    metric, section="ground", early=math.inf, applies=lambda run: "contact/slip" in run.ground
+)
+_ground(
+    "slip_max", "m/s", "largest slip of a wheel; inf if the run ended early", short="slip at most"
+)(lambda run: _largest(run.ground["contact/slip"]))
+_ground("slip_way", "m", "way that the wheel which slips most slips; inf if the run ended early")(
+    lambda run: _largest(run.dt * run.ground["contact/slip"].sum(axis=0))
+)
+_ground(
+    "wheel_lift",
+    "m",
+    "largest gap between a wheel and the ground; inf if the run ended early",
+    short="lift at most",
+)(lambda run: _largest(run.ground["contact/lift"]))
+
+
+@_ground(
+    "grip_used",
+    "1",
+    "largest friction over the normal force of a wheel; inf if the run ended early",
+    short="friction over load at most",
+)
+def grip_used(run: Run) -> float:
+    normal, friction = run.ground["contact/normal"], run.ground["contact/friction"]
+    return _largest(np.divide(friction, normal, out=np.zeros_like(normal), where=normal > 0.0))
+
+
+@_ground(
+    "true_error_max",
+    "m",
+    "largest error of the tip in the steady part, with what the platform tilts and sinks; inf if it "
+    "ended early",
+    applies=lambda run: "contact/tip" in run.ground,
+)
+def true_error_max(run: Run) -> float:
+    away = run.ground["contact/tip"][:, : run.desired.shape[1]] - run.desired
+    return _largest(np.linalg.norm(away[run.steady], axis=1))
+
+
+def _largest(values: Array) -> float:
+    return float(values.max(initial=0.0))
+
+
 # Consistency of the simulation, and cost of a control step ---------------------------------------
 
 _consistency = partial(metric, section="consistency")
-
-
-@_consistency("constraint_residual", "m/s", "largest |A(x) x'| at the ticks")
-def constraint_residual(run: Run) -> float:
-    return run.constraint_residual
+_consistency("constraint_residual", "m/s", "largest |A(x) x'| at the ticks")(
+    lambda run: run.constraint_residual
+)
 
 
 @_consistency(
@@ -406,18 +438,12 @@ def energy_residual(run: Run) -> float:
 
 
 _timing = partial(metric, section="timing")
-
-
-@_timing(
+_timing(
     "compute_time_median",
     "s",
     "median time that the controller took for a tick",
     short="median of a tick",
+)(lambda run: float(np.median(run.compute_time)))
+_timing("compute_time_p99", "s", "99th percentile of the same", short="99th percentile")(
+    lambda run: float(np.percentile(run.compute_time, 99))
 )
-def compute_time_median(run: Run) -> float:
-    return float(np.median(run.compute_time))
-
-
-@_timing("compute_time_p99", "s", "99th percentile of the same", short="99th percentile")
-def compute_time_p99(run: Run) -> float:
-    return float(np.percentile(run.compute_time, 99))

@@ -10,19 +10,44 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.simulation.pieces import Piece
 
 BASE, TIP = "mobman/base", "mobman/tip"
 """Names of the base's body and free joint, and of the site at the tip."""
 _SKATE = 0.05  # m, radius of a foot that stands for a constraint
-_RIGID = {
-    "solref": "0.002 1",
-    "solimp": "0.9999 0.9999 0.001 0.5 2",
-}  # gears, joints that follow others
+_RIGID = {"solref": "0.002 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}  # gears, followers
 _ROLLING = 1e-4  # friction of a roller about its own axis, over that along it
+LEAST_FRICTION = 1e-5
+"""The least that MuJoCo takes."""
+_EMPTY = (
+    '<mujoco model="robot"><compiler angle="radian"/><option integrator="Euler" cone="elliptic" '
+    'solver="Newton" iterations="100" tolerance="1e-12"><flag autoreset="disable" island="disable"/>'
+    "</option><worldbody/><contact/><equality/></mujoco>"
+)
+
+
+class Ground(Piece):
+    """Ground and tyres."""
+
+    friction: float = Field(0.8, ge=0)
+    """Coulomb's coefficient of tyre and ground."""
+    deflection: float = Field(1e-4, gt=0)
+    """Compression of the tyres under the static load (m): their stiffness is load over deflection."""
+    damping: float = Field(1.0, gt=0)
+    """Damping ratio of the tyres: 1 is critical for the whole mass on them."""
+    impedance: float = Field(0.95, gt=0, lt=1)
+    """MuJoCo's d of the contacts: that share of what a sudden force would do is taken up at once, as by
+    an inertance beside the spring; 0 leaves spring and damper alone."""
+    creep: float = Field(1e-4, gt=0)
+    """Slip per friction over the static load (m/s)."""
+    supports: float = Field(0.2, gt=0)
+    """Stiffness of the supports of a platform on one axle over that of its wheels: the softer, the more
+    of the load is on the wheels."""
 
 
 class Foot(NamedTuple):
@@ -32,9 +57,8 @@ class Foot(NamedTuple):
     joint: str
     """The joint that moves the body that has it; that of the base by the base's last joint."""
     centre: Array
-    """In the frame of that joint (m), shape (3,)."""
+    """In the frame of that joint (m), shape (3,); so is the radius (m)."""
     radius: float
-    """m."""
     friction: bool
     """False for a support, which slides freely."""
     axis: Array
@@ -51,35 +75,16 @@ class Foot(NamedTuple):
 
 
 class Bump(NamedTuple):
-    """A ridge on the ground."""
+    """A ridge on the ground: a point of its axis there (m), shape (2,), the direction in which it is
+    crossed (rad), its height and its width on the ground (m)."""
 
     centre: Array
-    """A point of its axis, on the ground (m), shape (2,)."""
     direction: float
-    """Direction in which it is crossed (rad)."""
     height: float
-    """m."""
     width: float
-    """On the ground (m)."""
 
 
-class Ground(NamedTuple):
-    """Ground and tyres."""
-
-    friction: float
-    gravity: Array
-    """m/s^2, shape (3,)."""
-    deflection: float
-    """Compression of a tyre by its static load (m)."""
-    damping: float
-    """Damping of the tyres, over the critical one."""
-    impedance: float
-    """MuJoCo's d of the contacts."""
-    creep: float
-    """Slip per friction over the static load (m/s)."""
-    supports: float
-    """Stiffness of the supports over that of the wheels."""
-    bumps: Sequence[Bump]
+# Feet -------------------------------------------------------------------------------------------------
 
 
 def feet_of(robot: MobileManipulator, scrub: bool = False) -> list[Foot]:
@@ -102,7 +107,7 @@ def feet_of(robot: MobileManipulator, scrub: bool = False) -> list[Foot]:
     data = model.createData()
     centre = pin.centerOfMass(model, data, level)
     constraints = robot.constraint_matrix(level)[: robot.k - len(robot.followers)]
-    base, feet = platform.base_joints[-1], []
+    feet = []
     for wheel in platform.wheels:
         i = model.getJointId(wheel.joint)
         axis, roller, place = unit_twist(model, i)[3:], wheel.roller, np.zeros(3)
@@ -110,20 +115,20 @@ def feet_of(robot: MobileManipulator, scrub: bool = False) -> list[Foot]:
             roller = 0.0
             place = _beside(robot, wheel.joint, constraints, data.oMi[i], axis) * axis
         feet.append(Foot(wheel.joint, wheel.joint, place, wheel.radius, True, axis, roller))
+    wheels = list(feet)
     if all(foot.directed for foot in feet):
         feet += _skates(robot, constraints, bool(feet))
-    wheels = feet[: len(platform.wheels)]
     if not wheels:
-        return [*feet, *_supports(base, np.eye(3), np.zeros(2), centre, 4, 0.5 * float(centre[2]))]
+        base, least = platform.base_joints[-1], 0.5 * float(centre[2])
+        return [*feet, *_supports(base, np.eye(3), np.zeros(2), centre, 4, least)]
     places = np.array([data.oMi[model.getJointId(one.joint)].translation[:2] for one in wheels])
-    middle = places.mean(axis=0)
+    middle, track = places.mean(axis=0), float(np.linalg.norm(places[-1] - places[0]))
     if np.linalg.matrix_rank(places - middle, tol=1e-2) > 1:
         return feet
     carrier = model.parents[model.getJointId(wheels[0].joint)]
-    x, y = (places[-1] - places[0]) / np.linalg.norm(places[-1] - places[0])
+    x, y = (places[-1] - places[0]) / track
     axes = np.array([[y, x, 0.0], [-x, y, 0.0], [0.0, 0.0, 1.0]])
-    half = 0.5 * float(np.linalg.norm(places[-1] - places[0]))
-    found = _supports(model.names[carrier], axes, middle, centre, 2, half)
+    found = _supports(model.names[carrier], axes, middle, centre, 2, 0.5 * track)
     frame = data.oMi[carrier]
     return [*feet, *(one._replace(centre=np.array(frame.actInv(one.centre))) for one in found)]
 
@@ -144,19 +149,16 @@ def _supports(
 ) -> list[Foot]:
     """Supports around a point, along the columns of ``axes``, twice as far as the centre of mass is."""
     reach = max(least, 2.0 * float(np.linalg.norm(centre[:2] - middle)))
-    radius = 0.25 * reach
-    places = [
-        np.array([*middle, radius]) + (-1.0) ** i * reach * axes[:, i // 2] for i in range(count)
-    ]
-    return [
-        Foot(f"mobman/support_{i}", joint, place, radius, False, axes[:, 0])
-        for i, place in enumerate(places)
-    ]
+    radius, found = 0.25 * reach, []
+    for i in range(count):
+        place = np.array([*middle, radius]) + (-1.0) ** i * reach * axes[:, i // 2]
+        found.append(Foot(f"mobman/support_{i}", joint, place, radius, False, axes[:, 0]))
+    return found
 
 
 def _skates(robot: MobileManipulator, constraints: Array, wheels: bool) -> list[Foot]:
     """A foot for each constraint on the pose alone, where and how it forbids motion."""
-    pose, found = robot.platform_index[:3], []
+    pose, base, found = robot.platform_index[:3], robot.platform.base_joints[-1], []
     for i, row in enumerate(constraints):
         x, y, turning = row[pose]
         size = math.hypot(x, y)
@@ -169,7 +171,6 @@ def _skates(robot: MobileManipulator, constraints: Array, wheels: bool) -> list[
             )
         place = np.array([*(turning / size**2 * np.array([y, -x])), _SKATE])
         direction = np.array([x, y, 0.0]) / size
-        base = robot.platform.base_joints[-1]
         found.append(Foot(f"mobman/skate_{i}", base, place, _SKATE, True, direction, 0.0))
     return found
 
@@ -181,40 +182,36 @@ def unit_twist(model: pin.Model, joint: int) -> Array:
     return np.array(data.S, dtype=float).reshape(6)
 
 
-def mjcf(robot: MobileManipulator, feet: Sequence[Foot], ground: Ground, step: float) -> str:
+# XML --------------------------------------------------------------------------------------------------
+
+
+def mjcf(
+    robot: MobileManipulator,
+    feet: Sequence[Foot],
+    ground: Ground,
+    step: float,
+    gravity: Array,
+    bumps: Iterable[Bump] = (),
+) -> str:
     """The robot and the ground as MJCF; inertias are set by :func:`make_model`.
 
     The base's body has the platform's frame, whose origin is on the ground. Joints and bodies have the
     names of the robot's joints; those that the description adds without a body have none.
 
     Args:
-        robot: The robot.
-        feet: See :func:`feet_of`.
-        ground: Ground and tyres.
         step: Integration step (s).
+        gravity: m/s^2, shape (3,).
     """
-    root = ET.Element("mujoco", model="robot")
-    ET.SubElement(root, "compiler", angle="radian")
-    option = ET.SubElement(
-        root,
-        "option",
-        timestep=repr(step),
-        gravity=numbers(ground.gravity),
-        integrator="Euler",
-        cone="elliptic",
-        solver="Newton",
-        iterations="100",
-        tolerance="1e-12",
-    )
-    ET.SubElement(option, "flag", autoreset="disable", island="disable")
-    world = ET.SubElement(root, "worldbody")
+    root = ET.fromstring(_EMPTY)
+    parts = (next(root.iter(tag)) for tag in ("option", "worldbody", "contact", "equality"))
+    option, world, contact, equality = parts
+    option.attrib |= {"timestep": repr(step), "gravity": numbers(gravity)}
     _shape(world, "ground", type="plane", size="0 0 1")
     obstacles = ["ground"]
-    for i, bump in enumerate(ground.bumps):
+    for i, bump in enumerate(bumps):
         obstacles.append(f"mobman/bump_{i}")
         _ridge(world, obstacles[-1], bump)
-    model, virtual = robot.model, set(robot.platform.virtual_joints)
-    base = robot.platform.base_joints
+    model, base = robot.model, robot.platform.base_joints
     bodies: dict[str, ET.Element] = {"universe": world}
     if base:
         bodies[base[-1]] = body = ET.SubElement(world, "body", name=BASE)
@@ -222,23 +219,17 @@ def mjcf(robot: MobileManipulator, feet: Sequence[Foot], ground: Ground, step: f
         _mass(body)
     for i in range(1, model.njoints):
         name = model.names[i]
-        if name not in base and name not in virtual:
+        if name not in base and name not in robot.platform.virtual_joints:
             bodies[name] = body = jointed_body(bodies[model.names[model.parents[i]]], model, i)
             _mass(body)
     tip = model.frames[robot.tip_frame]
-    ET.SubElement(
-        bodies[model.names[tip.parentJoint]],
-        "site",
-        name=TIP,
-        pos=numbers(tip.placement.translation),
-    )
-    contact = ET.SubElement(root, "contact")
+    carrier, place = bodies[model.names[tip.parentJoint]], numbers(tip.placement.translation)
+    ET.SubElement(carrier, "site", name=TIP, pos=place)
     for foot in feet:
         size, centre = repr(float(foot.radius)), numbers(foot.centre)
         _shape(bodies[foot.joint], foot.name, type="sphere", size=size, pos=centre)
         for obstacle in obstacles:
             _pair(contact, obstacle, foot, ground)
-    equality = ET.SubElement(root, "equality")
     for one in robot.followers:
         _coupling(equality, one.joint, one.of, one.ratio, one.offset)
     for gear in robot.platform.geared:
@@ -262,51 +253,44 @@ def _ridge(world: ET.Element, name: str, bump: Bump) -> None:
 
 def _pair(contact: ET.Element, obstacle: str, foot: Foot, ground: Ground) -> None:
     """A contact; :func:`set_tyres` puts in its stiffness and damping."""
-    friction = max(ground.friction, 1e-5)
+    friction = max(ground.friction, LEAST_FRICTION)
     across = _ROLLING * friction if foot.directed else friction
-    ET.SubElement(
-        contact,
-        "pair",
-        name=f"{obstacle} {foot.name}",
-        geom1=obstacle,
-        geom2=foot.name,
-        condim="3" if foot.friction else "1",
-        friction=numbers([friction, across, 0.0, 0.0, 0.0]),
-        solref="-1 -1",
-        solimp=numbers([ground.impedance, ground.impedance, 0.001, 0.5, 2.0]),
-    )
+    pair = {"name": f"{obstacle} {foot.name}", "geom1": obstacle, "geom2": foot.name}
+    pair |= {"condim": "3" if foot.friction else "1", "solref": "-1 -1"}
+    pair["friction"] = numbers([friction, across, 0.0, 0.0, 0.0])
+    pair["solimp"] = numbers([ground.impedance, ground.impedance, 0.001, 0.5, 2.0])
+    ET.SubElement(contact, "pair", pair)
 
 
-def set_tyres(model: Any, mass: float, feet: Sequence[Foot], ground: Ground) -> None:
-    """Set stiffness and damping of the contacts, and how friction creeps.
+def _coupling(equality: ET.Element, joint: str, of: str, ratio: float, offset: float) -> None:
+    polynomial = numbers([offset, ratio, 0.0, 0.0, 0.0])
+    between = {"joint1": joint, "joint2": of, "polycoef": polynomial}
+    ET.SubElement(equality, "joint", {**between, **_RIGID})
 
-    A contact's force is f = (a_ref - a)/R with a_ref = -D v/d - S r/d, MuJoCo's d and R = (1 - d)/d A
-    for the contact's inverse inertia A, which MuJoCo estimates from constants: a spring of stiffness K =
-    S/((1 - d) A), a damper, and an inertance 1/R. K carries the static load at the deflection. Friction
-    has the same without the spring, with R over impratio; its velocity decays in two steps.
 
-    Args:
-        model: MuJoCo's.
-        mass: Of the robot (kg).
-        feet: What it stands on.
-        ground: Ground and tyres.
-    """
-    g, d = float(np.linalg.norm(ground.gravity)), ground.impedance
-    share = np.array([1.0 if foot.friction else ground.supports for foot in feet])
-    load = mass * g / share.sum()
-    ids = [model.geom(foot.name).id for foot in feet]
-    inverse = np.array([model.body_invweight0[model.geom_bodyid[i], 0] for i in ids])
-    stiffness = share * load / ground.deflection * (1.0 - d) * inverse
-    R = (1.0 - d) / d * inverse
-    rough = np.array([foot.friction for foot in feet])
-    # friction / creep = load / creep = (D / d) impratio / R
-    fastest = 0.5 * d / model.opt.timestep
-    needed = load / ground.creep * d * R
-    model.opt.impratio = float(needed[rough].max(initial=0.0)) / fastest if rough.any() else 1.0
-    for k, s, creep in zip(ids, stiffness, needed / model.opt.impratio, strict=True):
-        pairs = np.flatnonzero(model.pair_geom2 == k)
-        model.pair_solref[pairs] = -s, -2.0 * ground.damping * math.sqrt(s)
-        model.pair_solreffriction[pairs] = -1.0, -creep
+def jointed_body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element:
+    """A body with its joint, at the joint's placement, without a mass yet."""
+    name, placement = model.names[joint], model.jointPlacements[joint]
+    turn = np.roll(pin.Quaternion(placement.rotation).coeffs(), 1)  # from x, y, z, w
+    place = {"pos": numbers(placement.translation), "quat": numbers(turn)}
+    body = ET.SubElement(parent, "body", {"name": name, **place})
+    motion = unit_twist(model, joint)
+    kind, direction = ("slide", motion[:3]) if np.any(motion[:3]) else ("hinge", motion[3:])
+    armature = repr(float(model.armature[model.joints[joint].idx_v]))
+    ET.SubElement(body, "joint", name=name, type=kind, axis=numbers(direction), armature=armature)
+    return body
+
+
+def _mass(body: ET.Element) -> None:
+    """A mass that the compiler accepts; :func:`make_model` puts the true one in its place."""
+    ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
+
+
+def numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+# The model --------------------------------------------------------------------------------------------
 
 
 def make_model(robot: MobileManipulator, xml: str) -> tuple[Any, Any]:
@@ -331,33 +315,29 @@ def make_model(robot: MobileManipulator, xml: str) -> tuple[Any, Any]:
     return model, data
 
 
-def _coupling(equality: ET.Element, joint: str, of: str, ratio: float, offset: float) -> None:
-    polynomial = numbers([offset, ratio, 0.0, 0.0, 0.0])
-    between = {"joint1": joint, "joint2": of, "polycoef": polynomial}
-    ET.SubElement(equality, "joint", {**between, **_RIGID})
+def set_tyres(model: Any, mass: float, feet: Sequence[Foot], ground: Ground) -> None:
+    """Set stiffness and damping of the contacts, and how friction creeps.
 
-
-def jointed_body(parent: ET.Element, model: pin.Model, joint: int) -> ET.Element:
-    """A body with its joint, at the joint's placement, without a mass yet."""
-    name, placement = model.names[joint], model.jointPlacements[joint]
-    quaternion = pin.Quaternion(placement.rotation).coeffs()  # x, y, z, w
-    body = ET.SubElement(
-        parent,
-        "body",
-        name=name,
-        pos=numbers(placement.translation),
-        quat=numbers(np.roll(quaternion, 1)),
-    )
-    motion = unit_twist(model, joint)
-    kind, direction = ("slide", motion[:3]) if np.any(motion[:3]) else ("hinge", motion[3:])
-    armature = repr(float(model.armature[model.joints[joint].idx_v]))
-    ET.SubElement(body, "joint", name=name, type=kind, axis=numbers(direction), armature=armature)
-    return body
-
-
-def _mass(body: ET.Element) -> None:
-    """A mass that the compiler accepts; :func:`make_model` puts the true one in its place."""
-    ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
+    A contact's force is f = (a_ref - a)/R with a_ref = -D v/d - S r/d, MuJoCo's d and R = (1 - d)/d A
+    for the contact's inverse inertia A, which MuJoCo estimates from constants: a spring of stiffness K =
+    S/((1 - d) A), a damper, and an inertance 1/R. K carries the static load at the deflection. Friction
+    has the same without the spring, with R over impratio; its velocity decays in two steps. The model is
+    MuJoCo's, the mass (kg) the robot's, which stands on the feet.
+    """
+    g, d = float(np.linalg.norm(model.opt.gravity)), ground.impedance
+    share = np.array([1.0 if foot.friction else ground.supports for foot in feet])
+    load = mass * g / share.sum()
+    ids = [model.geom(foot.name).id for foot in feet]
+    inverse = np.array([model.body_invweight0[model.geom_bodyid[i], 0] for i in ids])
+    stiffness = share * load / ground.deflection * (1.0 - d) * inverse
+    # friction / creep = load / creep = (D / d) impratio / R
+    needed = load / ground.creep * d * ((1.0 - d) / d * inverse)
+    rough, fastest = np.array([foot.friction for foot in feet]), 0.5 * d / model.opt.timestep
+    model.opt.impratio = float(needed[rough].max(initial=0.0)) / fastest if rough.any() else 1.0
+    for k, s, creep in zip(ids, stiffness, needed / model.opt.impratio, strict=True):
+        pairs = np.flatnonzero(model.pair_geom2 == k)
+        model.pair_solref[pairs] = -s, -2.0 * ground.damping * math.sqrt(s)
+        model.pair_solreffriction[pairs] = -1.0, -creep
 
 
 def principal(inertia: pin.Inertia) -> tuple[Array, Array]:
@@ -366,7 +346,3 @@ def principal(inertia: pin.Inertia) -> tuple[Array, Array]:
     if np.linalg.det(axes) < 0.0:
         axes[:, 0] = -axes[:, 0]
     return moments, np.roll(pin.Quaternion(axes).normalized().coeffs(), 1)
-
-
-def numbers(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)

@@ -22,7 +22,7 @@ A law in a metric has :math:`J \Omega J^T`. ``tsm-inverse-actuation`` has, by Th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ from mobman.arrays import Array
 from mobman.controllers.bounds import rate_along
 from mobman.controllers.protocol import controllers
 from mobman.errors import SingularityError, UsageError
-from mobman.simulation.metrics import Run
+from mobman.simulation.metrics import Run, metric
 from mobman.simulation.singularity import Jacobians
 
 STAGES = ("kinematic", "dynamic")
@@ -39,6 +39,7 @@ _BLOCK = 1000  # ticks whose matrices are in memory together
 MARGINS = "margin of the gain"
 BALL = 1.0 - 1e-9
 """|n| from which on the state is off the manifold."""
+_INVERSE = "lambda_min_M_inverse"
 
 
 def require_monitored(law: Any) -> None:
@@ -59,121 +60,76 @@ def require_monitored(law: Any) -> None:
 # Along the run ----------------------------------------------------------------------------------------
 
 
-class _Rows(NamedTuple):
-    """Samples of a monitored law that belong to the same ticks, one row each."""
-
-    t: Array
-    q: Array
-    z: Array
-    s: Array
-    S: Array
-    s_rate: Array
-    """(s_{k+1} - s_k)/dt."""
-    S_rate: Array
-    v_ref_dot: Array
-    v_dot: Array
-
-
-class _Stage(NamedTuple):
-    """One of the two stages: its gains, and rows of what they stand for."""
-
-    c: float
-    c_0: float
-    a: float
-    least: Array
-    """lambda_min that a, or A, bounds."""
-    s: Array
-    n: Array
-    weight: float
-    """Largest lambda_max(M), for the reaching time of Theorem 2."""
-    held: Array
-    """Part of W, or chi, that the law holds over a tick."""
-    moving: Array
-    """The rest of it."""
-
-
 def monitors(run: Run, law: Any, signals: Mapping[str, Array], command: Array) -> dict[str, Array]:
-    """The monitors of a run at its ticks, by their places in the record; the last tick has no rates.
-
-    Args:
-        run: The run.
-        law: Its controller, after the run.
-        signals: Its ``monitored_signals()`` at the ticks, N rows each.
-        command: The commanded torque, shape (N, nz).
-    """
-    k = law.settings()
+    """The monitors of a run at its ticks, by their places in the record, from its law, the law's
+    ``monitored_signals()`` and the commanded torque, N rows each; the last tick has no rates."""
+    k, inverse = law.settings(), law.inverse_actuation
     own = {name.removeprefix("sliding/"): values for name, values in signals.items()}
-    s, S, dt = own["s"], own["S"], run.dt
-    rows = _Rows(
-        *(
-            run.t,
-            run.q,
-            run.z,
-            s,
-            S,
-            (_next(s) - s) / dt,
-            (_next(S) - S) / dt,
-            own["v_ref_dot"],
-            own["v_dot"],
-        )
-    )
     with np.errstate(all="ignore"):  # of a run that diverged
-        found = _along(run, law, rows, own["g"])
-        largest = np.nanmax(found.pop("lambda_max_M"), initial=0.0)
-        w_7, w_8 = (1.0, 0.0) if law.inverse_actuation else (k["w_7"], k["w_8"])  # chi' under (66)
-        kinematic = _Stage(
-            *(k["c"], k["c_0"], k["a"], found["lambda_min_J"], s, own["n"], 1.0),
-            held=found.pop("drift"),
-            moving=_moving_part_of_W(k, run, _before(own["v_ref"])),
+        found = _along(run, law, own)
+        z, heaviest = _norm(run.z), np.nanmax(found.pop("lambda_max_M"), initial=0.0)
+        bound = k["w_1"] + k["w_2"] * _norm(run.q - run.robot.q_rest)  # of (34)
+        v_ref, v = _norm(_before(own["v_ref"])), _norm(_before(command))
+        w_7, w_8 = (1.0, 0.0) if inverse else (k["w_7"], k["w_8"])  # chi' under (66)
+        chi = (
+            k["w_3"] * v * z
+            + k["w_4"] * z**3
+            + k["w_5"] * z * (1.0 + k["beta_0"])
+            + k["w_6"] * k["beta_1"]
+            + w_8 * z * _norm(own["S"])
+            + k["w_9"] * z * _norm(own["z_dot"])
         )
-        dynamic = _Stage(
-            *(k["C"], k["C_0"], k["A"], found["lambda_min_B"], S, own["n_d"]),
-            1.0 if law.inverse_actuation else largest,
-            held=w_7 * _norm(own["G"] - own["v_ref_dot"]),
-            moving=_moving_part_of_chi(k, w_8, run.z, own, _before(command)),
-        )
-        for name, stage in zip(STAGES, (kinematic, dynamic), strict=True):
-            V, unit, left = found[f"V_{name}"], _norm(stage.n), found[f"left_{name}"]
+        # of each stage: gains, lambda_min that a (or A) bounds, largest lambda_max(M) of Theorem 2, and
+        # of W (or chi) the part that the law holds over a tick, and the rest
+        stages = {
+            "kinematic": (
+                *(k["c"], k["c_0"], k["a"], found["lambda_min_J"], own["s"], own["n"], 1.0),
+                *(found.pop("drift"), bound * (k["w_3k"] * v_ref * z + k["w_4k"] * z**3)),
+            ),
+            "dynamic": (
+                *(k["C"], k["C_0"], k["A"], found["lambda_min_B"], own["S"], own["n_d"]),
+                *(1.0 if inverse else heaviest, w_7 * _norm(own["G"] - own["v_ref_dot"]), chi),
+            ),
+        }
+        for name, (c, c_0, a, least, s, n, largest, held, moving) in stages.items():
+            V, unit = found[f"V_{name}"], _norm(n)
             # of the tick's end, since the implicit form has the unit vector there
-            end, off = _next(_norm(stage.s)), unit >= BALL
-            gain = stage.c / stage.a * stage.least * (stage.held + stage.moving + stage.c_0)
+            end, off = _next(_norm(s)), unit >= BALL
             found |= {
-                f"bound_{name}": stage.held + np.maximum(stage.moving, _next(stage.moving)),
-                f"regularity_{name}": stage.least / stage.a,
-                f"margin_{name}": gain / left,
+                f"bound_{name}": held + np.maximum(moving, _next(moving)),
+                f"regularity_{name}": least / a,
+                f"margin_{name}": c / a * least * (held + moving + c_0) / found[f"left_{name}"],
                 f"V_rate_{name}": np.where(off, (_next(V) - V) / run.dt, np.nan),
-                f"V_rate_bound_{name}": np.where(off, -stage.c * stage.c_0 * end, np.nan),
-                f"reaching_{name}": np.sqrt(2.0 * V * stage.weight) / (stage.c * stage.c_0),
+                f"V_rate_bound_{name}": np.where(off, -c * c_0 * end, np.nan),
+                f"reaching_{name}": np.sqrt(2.0 * V * largest) / (c * c_0),
                 f"unit_{name}": unit,
             }
         found["stationarity"] = _norm(run.auxiliary_error)
-    if law.inverse_actuation:
+    if inverse:
         found[_INVERSE] = found.pop("lambda_min_B")
     return {f"monitors/{name}": np.ascontiguousarray(found[name]) for name in sorted(found)}
 
 
-_INVERSE = "lambda_min_M_inverse"
-
-
-def _along(run: Run, law: Any, rows: _Rows, g: Array) -> dict[str, Array]:
+def _along(run: Run, law: Any, own: Mapping[str, Array]) -> dict[str, Array]:
     """Quantities of the matrices along the motion; NaN at ticks where one does not exist."""
     space, root = law.task_space(run.robot, run.task), np.sqrt(law.metric(run.robot))
     free = Jacobians(run.robot, run.task, run.criterion)
-    plant, n, nz = run.plant, len(run.t), run.robot.nz
-    names = [
-        *("lambda_min_J", "lambda_min_B", "lambda_max_M", "left_kinematic", "left_dynamic"),
-        *("V_kinematic", "V_dynamic", "drift", "stiffness"),
-    ]
-    found = {name: np.full(n, np.nan) for name in names}
-    found["V_kinematic"][:] = 0.5 * _norm(rows.s) ** 2
+    plant, n, nz, s, S = run.plant, len(run.t), run.robot.nz, own["s"], own["S"]
+    s_rate, S_rate = (_next(s) - s) / run.dt, (_next(S) - S) / run.dt
+    found = {
+        name: np.full(n, np.nan)
+        for name in (
+            *("lambda_min_J", "lambda_min_B", "lambda_max_M", "left_kinematic", "left_dynamic"),
+            *("V_dynamic", "drift", "stiffness"),
+        )
+    }
+    found["V_kinematic"] = 0.5 * _norm(s) ** 2
     for first in range(0, n, _BLOCK):
         here = slice(first, min(first + _BLOCK, n))
-        part = _Rows(*(values[here] for values in rows))
-        size = len(part.t)
-        J = np.full((size, space.p, nz), np.nan)
-        jerk = np.zeros((size, space.p))
+        size = here.stop - first
+        J, jerk = np.full((size, space.p, nz), np.nan), np.zeros((size, space.p))
         M, B, M_rate = np.full((3, size, nz, nz), np.nan)
-        for i, (t, q, z) in enumerate(zip(part.t, part.q, part.z, strict=True)):
+        for i, (t, q, z) in enumerate(zip(run.t[here], run.q[here], run.z[here], strict=True)):
             speed = max(_norm(z[None])[0], 1e-300)
             M[i], _, B[i] = plant.dynamics(q, z)
             M_rate[i] = speed * rate_along(plant, q, z / speed, plant.reduced_inertia)
@@ -185,44 +141,21 @@ def _along(run: Run, law: Any, rows: _Rows, g: Array) -> dict[str, Array]:
                 continue
             J[i] = space.J
             found["stiffness"][first + i] = free.stiffness()
-        found["drift"][here] = _norm(g[here] - jerk)
+        found["drift"][here] = _norm(own["g"][here] - jerk)
         found["lambda_min_J"][here] = np.nan_to_num(_singular(J * root)[:, -1] ** 2)  # 0: no J
-        found["left_kinematic"][here] = _norm(part.s_rate - _times(J, part.v_ref_dot))
-        largest = _singular(M)[:, 0]
-        driven = _times(B, part.v_dot)
+        found["left_kinematic"][here] = _norm(s_rate[here] - _times(J, own["v_ref_dot"][here]))
+        found["lambda_max_M"][here] = heaviest = _singular(M)[:, 0]
+        driven = _times(B, own["v_dot"][here])
         if law.inverse_actuation:
-            found["lambda_min_B"][here] = 1.0 / largest
-            rest = part.S_rate - _solved(M, driven)
-            found["V_dynamic"][here] = 0.5 * _norm(part.S) ** 2
+            found["lambda_min_B"][here] = 1.0 / heaviest
+            rest = S_rate[here] - _solved(M, driven)
+            found["V_dynamic"][here] = 0.5 * _norm(S[here]) ** 2
         else:
             found["lambda_min_B"][here] = _singular(B)[:, -1] ** 2
-            rest = _times(M, part.S_rate) - driven + 0.5 * _times(M_rate, part.S)
-            found["V_dynamic"][here] = 0.5 * np.sum(part.S * _times(M, part.S), axis=1)
+            rest = _times(M, S_rate[here]) - driven + 0.5 * _times(M_rate, S[here])
+            found["V_dynamic"][here] = 0.5 * np.sum(S[here] * _times(M, S[here]), axis=1)
         found["left_dynamic"][here] = _norm(rest)
-        found["lambda_max_M"][here] = largest
     return found
-
-
-def _moving_part_of_W(k: Mapping[str, Any], run: Run, v_ref: Array) -> Array:
-    """(w_1 + w_2 |q - q_rest|) (w_3k |v_ref||z| + w_4k |z|^3) under (34)."""
-    bound = k["w_1"] + k["w_2"] * _norm(run.q - run.robot.q_rest)
-    size = _norm(run.z)
-    return np.asarray(bound * (k["w_3k"] * _norm(v_ref) * size + k["w_4k"] * size**3))
-
-
-def _moving_part_of_chi(
-    k: Mapping[str, Any], w_8: float, z: Array, own: Mapping[str, Array], v: Array
-) -> Array:
-    """chi under (53) without its term of w_7."""
-    size = _norm(z)
-    return np.asarray(
-        k["w_3"] * _norm(v) * size
-        + k["w_4"] * size**3
-        + k["w_5"] * size * (1.0 + k["beta_0"])
-        + k["w_6"] * k["beta_1"]
-        + w_8 * size * _norm(own["S"])
-        + k["w_9"] * size * _norm(own["z_dot"])
-    )
 
 
 def _next(values: Array) -> Array:
@@ -274,20 +207,15 @@ class Assumption(NamedTuple):
 def assumptions(signals: Mapping[str, Array]) -> list[Assumption]:
     """(22), (54) or (64), (41) and (53) along a monitored run, from its record's signals."""
     own = {name.removeprefix("monitors/"): values for name, values in signals.items()}
-    dynamic = ("(64)", "A' over lambda_min(M^-1)")
-    if _INVERSE not in own:
-        dynamic = ("(54)", "A over lambda_min(B B^T)")
+    dynamic = ("(54)", "A over lambda_min(B B^T)")
+    if _INVERSE in own:
+        dynamic = ("(64)", "A' over lambda_min(M^-1)")
     with np.errstate(all="ignore"):
         return [
             Assumption("(22)", "a over lambda_min(J J^T)", 1.0 / own["regularity_kinematic"]),
             Assumption(*dynamic, 1.0 / own["regularity_dynamic"]),
-            *(
-                Assumption(equation, words, bound_ratio(signals, stage))
-                for stage, equation, words in (
-                    ("kinematic", "(41)", "its left side over W"),
-                    ("dynamic", "(53)", "its left side over chi"),
-                )
-            ),
+            Assumption("(41)", "its left side over W", bound_ratio(signals, "kinematic")),
+            Assumption("(53)", "its left side over chi", bound_ratio(signals, "dynamic")),
         ]
 
 
@@ -308,12 +236,8 @@ def ratios_of(signals: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
 
 
 def first_failure(t: Array, signals: Mapping[str, Array]) -> str:
-    """One line: which assumptions failed, the first one first, when, and by how much; and the margins.
-
-    Args:
-        t: Times of the samples (s), shape (N,).
-        signals: Of the record of a monitored run.
-    """
+    """One line of a monitored run's times (s), shape (N,), and signals: which assumptions failed, the
+    first one first, when, and by how much; and the margins."""
     failed, held = [], []
     for equation, words, ratio in assumptions(signals):
         known = ~np.isnan(ratio)
@@ -337,3 +261,63 @@ def first_failure(t: Array, signals: Mapping[str, Array]) -> str:
 def least_of(values: Array) -> float:
     """The least value that is known; NaN if none is."""
     return float(np.nanmin(values)) if np.isfinite(values).any() else math.nan
+
+
+# Metrics of each stage: how far what the theorems suppose was from failing ---------------------------
+
+_OfStage = Callable[[Run, str], float]
+
+
+def _theorems(
+    name: str, unit: str, description: str, better: str = "lower"
+) -> Callable[[_OfStage], None]:
+    """Decorator: register a function of a run and a stage as a metric of each."""
+
+    def register(function: _OfStage) -> None:
+        for stage in STAGES:
+
+            @metric(
+                *(f"{name}_{stage}", unit, f"{stage} stage: {description}", better),
+                section="theorems",
+                applies=lambda run: "monitors/margin_dynamic" in run.monitors,
+            )
+            def _(run: Run, stage: str = stage) -> float:
+                return function(run, stage)
+
+    return register
+
+
+_theorems("gain_margin", "1", "least of what the gain gives over what is needed", "higher")(
+    lambda run, stage: least_of(run.monitors[f"monitors/margin_{stage}"])
+)
+_theorems("regularity", "1", "least lambda_min of (22), (54) or (64) over a or A", "higher")(
+    lambda run, stage: least_of(run.monitors[f"monitors/regularity_{stage}"])
+)
+_theorems("bound_ratio", "1", "largest left side of (41) or (53) over W or chi")(
+    lambda run, stage: float(np.nanmax(bound_ratio(run.monitors, stage), initial=0.0))
+)
+_theorems("bound_exceeded", "1", "share of the ticks at which (41) or (53) does not hold")(
+    lambda run, stage: float(np.mean(bound_ratio(run.monitors, stage) > 1.0))
+)
+_theorems(
+    "off_manifold", "1", "share of the ticks at which the unit vector is not inside its ball"
+)(lambda run, stage: float(np.mean(run.monitors[f"monitors/unit_{stage}"] >= BALL)))
+_theorems("reaching_bound", "s", "time by which it is, by Theorem 1, 2 or 4", "")(
+    lambda run, stage: float(run.monitors[f"monitors/reaching_{stage}"][0])
+)
+
+
+@_theorems("decrease_missed", "1", "share of those at which V falls more slowly than (42) or (63)")
+def decrease_missed(run: Run, stage: str) -> float:
+    rate, bound = (run.monitors[f"monitors/V_rate{name}_{stage}"] for name in ("", "_bound"))
+    known = np.isfinite(rate)
+    return float(np.mean(rate[known] > bound[known])) if known.any() else 0.0
+
+
+@_theorems("reaching_time", "s", "first time on the manifold; inf if it is not reached")
+def reaching_time(run: Run, stage: str) -> float:
+    """The unit vector is inside its ball, or the sliding variable has turned."""
+    s = run.monitors["sliding/s" if stage == "kinematic" else "sliding/S"]
+    turned = np.append(False, np.sum(s[1:] * s[:-1], axis=1) <= 0.0)
+    reached = np.flatnonzero(turned | (run.monitors[f"monitors/unit_{stage}"] < BALL))
+    return float(run.t[reached[0]]) if len(reached) else math.inf

@@ -31,12 +31,11 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.robots.catalogue import as_spec, registered_as
 from mobman.robots.urdf.read import UrdfFile, UrdfSources
 from mobman.simulation.run_spec import RunSpec
-from mobman.simulation.scenario import Scenario, load_scenario
+from mobman.simulation.scenario import GivenPlant, Scenario, load_scenario
 from mobman.tasks.task import Task, make_task, task_parameters, tasks
 from mobman.toml_model import validate
 
-GivenPlant = MobileManipulator | Scenario | str | os.PathLike[str] | None
-
+_TRIANGLE = (0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)  # rows, columns of a symmetric matrix's entries
 _NUMBERS = re.compile(r"[<>|=]?[biuf][1248]")
 _ROUNDING = 1e-9  # of the largest entry: what other processors and libraries may change
 _OWN = "mobman.tasks."
@@ -77,7 +76,10 @@ def describe_run(
     if isinstance(given, Scenario):
         others["plant_scenario"] = given.model_dump(mode="json")
     elif given is not None:
-        others["plant_inertias"] = [_inertia(link) for link in list(given.model.inertias)[1:]]
+        others["plant_inertias"] = [
+            [float(link.mass), *link.lever.tolist(), *link.inertia[_TRIANGLE].tolist()]
+            for link in list(given.model.inertias)[1:]
+        ]
         if _is_another(given, robot):
             others["plant_robot"] = given.spec.model_dump(mode="json", by_alias=True)
     return RunSpec(
@@ -131,11 +133,6 @@ def _is_another(plant: MobileManipulator, robot: MobileManipulator) -> bool:
     return plant.spec != robot.spec or plant.urdf.sha256() != robot.urdf.sha256()
 
 
-def _inertia(link: pin.Inertia) -> list[float]:
-    rows, columns = (0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)
-    return [float(link.mass), *link.lever.tolist(), *link.inertia[rows, columns].tolist()]
-
-
 def _at_start(robot: MobileManipulator, start: Array) -> dict[str, list[float]]:
     dynamics = robot.dynamics(start, np.zeros(robot.nz))
     return {"M": np.diag(dynamics.M).tolist(), "bias": dynamics.bias.tolist()}
@@ -144,11 +141,8 @@ def _at_start(robot: MobileManipulator, start: Array) -> dict[str, list[float]]:
 def robot_of(
     described: dict[str, Any], urdf: dict[str, bytes], prefix: str = ""
 ) -> MobileManipulator:
-    """A robot from its description and the URDFs in the record whose places have a prefix.
-
-    Raises:
-        RecordError: If it cannot be built.
-    """
+    """A robot from its description and the URDFs in the record whose places have a prefix; RecordError
+    if it cannot be built."""
     own = [key.removeprefix(prefix).split("/", 1) for key in urdf if key.startswith(prefix)]
     names = dict(sorted((int(i), name) for i, name in own if i.isdigit()))
     files = [UrdfFile(Path(name), (), urdf[f"{prefix}{i}/{name}"]) for i, name in names.items()]
@@ -158,21 +152,15 @@ def robot_of(
             spec = registered_as(described)
         if len(files) != len(spec.parts):
             raise RecordError("its robot's URDFs are not all in the file")
-        upright = (
-            dataclasses.replace(file, up=part.up)
-            for file, part in zip(files, spec.parts, strict=True)
-        )
-        return build_robot(spec, UrdfSources(tuple(upright)))
+        pairs = zip(files, spec.parts, strict=True)
+        upright = tuple(dataclasses.replace(file, up=part.up) for file, part in pairs)
+        return build_robot(spec, UrdfSources(upright))
 
 
 def plant_of(
     run: RunSpec, urdf: dict[str, bytes], robot: MobileManipulator
 ) -> MobileManipulator | Scenario | None:
-    """The plant as a run was given it.
-
-    Raises:
-        RecordError: If it cannot be built.
-    """
+    """The plant as a run was given it; RecordError if it cannot be built."""
     if run.plant_scenario:
         return scenario_of(run.plant_scenario)
     if not run.plant_inertias:
@@ -182,8 +170,8 @@ def plant_of(
         raise RecordError("its plant has other joints than its description")
     model = base.model.copy()
     for i, numbers in enumerate(run.plant_inertias, start=1):
-        xx, xy, yy, xz, yz, zz = numbers[4:]
-        turning = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        turning = np.zeros((3, 3))
+        turning[_TRIANGLE] = turning[_TRIANGLE[::-1]] = numbers[4:]
         model.inertias[i] = pin.Inertia(numbers[0], np.array(numbers[1:4]), turning)
     return base.with_model(model)
 
@@ -210,9 +198,8 @@ def require_same(robot: MobileManipulator, run: RunSpec, role: str) -> None:
     now = _at_start(robot, robot.checked_configuration(np.array(run.q0)))
     for name, then in run.at_start[role].items():
         new, old = np.array(now[name]), np.array(then)
-        if new.shape != old.shape or not np.all(
-            np.abs(new - old) <= _ROUNDING * np.abs(old).max(initial=0.0)
-        ):
+        rounding = _ROUNDING * np.abs(old).max(initial=0.0)
+        if new.shape != old.shape or not np.all(np.abs(new - old) <= rounding):
             raise RecordError(
                 f"its {role} has other inertias or dimensions than what the file describes: it was "
                 "changed in Python after it was built, or this mobman builds it in another way"
@@ -232,7 +219,9 @@ def _law_of(given: Controller | str, controller: Controller) -> tuple[str, dict[
     if not name:
         return "", {}, f"{what} is not registered"
     if not hasattr(law, "Gains"):
-        lost = not isinstance(given, str) and _takes_parameters(law)
+        lost = False
+        with contextlib.suppress(TypeError, ValueError):  # classes of other languages: no signature
+            lost = not isinstance(given, str) and bool(inspect.signature(law).parameters)
         return name, {}, f"{what} takes parameters but declares no Gains" if lost else ""
     gains = getattr(controller, "gains", None)
     if not isinstance(gains, law.Gains):
@@ -260,13 +249,6 @@ def _registered_name(law: type[Any], controller: Controller) -> str:
     return next((name for name, item in controllers.loaded().items() if item is law), "")
 
 
-def _takes_parameters(law: type[Any]) -> bool:
-    try:
-        return bool(inspect.signature(law).parameters)
-    except (TypeError, ValueError):  # classes of other languages have no signature
-        return False
-
-
 def _through_json(value: Any) -> Any:
     def number(item: Any) -> Any:
         if isinstance(item, np.generic):
@@ -287,8 +269,7 @@ def _task_of(given: Task | str, task: Task) -> tuple[str, Any, str]:
     else:
         module = type(task).__module__
         factories = {} if module.startswith(_OWN) else tasks.loaded()
-        names = [name for name, make in factories.items() if _module_of(make) == module]
-        name = names[0] if names else ""
+        name = next((n for n, make in factories.items() if _module_of(make) == module), "")
     try:
         found = as_plain(task, _package_of(name))
         if isinstance(found, dict) and "class" in found:
@@ -311,12 +292,7 @@ def _package_of(name: str) -> str:
 
 
 def task_of(run: RunSpec, robot: MobileManipulator, q0: Array) -> Task:
-    """The task of a run.
-
-    Raises:
-        NotPlainError: If its class may not be made, is not there, or refuses its fields.
-        MobmanError: If there is no such task here.
-    """
+    """The task of a run; NotPlainError or MobmanError if it cannot be made here."""
     if run.task_object is None:
         return make_task(run.task_name, robot, q0, **run.task_given)
     task: Task = from_plain(run.task_object, _package_of(run.task_name))
@@ -331,11 +307,8 @@ class NotPlainError(Exception):
 
 
 def as_plain(value: Any, package: str) -> Any:
-    """A value for JSON.
-
-    Args:
-        value: Numbers, text, lists, tuples, arrays, dictionaries and dataclasses of such.
-        package: A module whose classes may be made again, apart from those of mobman's tasks.
+    """A value for JSON: numbers, text, lists, tuples, arrays, dictionaries, and dataclasses of such
+    whose classes are those of mobman's tasks or of the module ``package``.
 
     Raises:
         NotPlainError: If it has something else in it; says what.
@@ -374,11 +347,8 @@ def _may_be_made(module: str, package: str) -> bool:
 
 
 def from_plain(plain: Any, package: str) -> Any:
-    """The value that :func:`as_plain` was given.
-
-    Raises:
-        NotPlainError: If a class may not be made, is not there, or refuses its fields.
-    """
+    """The value that :func:`as_plain` was given; NotPlainError if a class may not be made, is not there,
+    or refuses its fields."""
     if isinstance(plain, list):
         return [from_plain(item, package) for item in plain]
     if not isinstance(plain, dict):
@@ -391,8 +361,7 @@ def from_plain(plain: Any, package: str) -> Any:
         if not _NUMBERS.fullmatch(str(plain["dtype"])):
             raise NotPlainError(f"{plain['dtype']!r} is no type of numbers")
         return np.array(plain["array"], dtype=plain["dtype"])
-    name = str(plain.get("class"))
-    name = _FORMER.get(name, name)
+    name = _FORMER.get(str(plain.get("class")), str(plain.get("class")))
     module, _, path = name.partition(":")
     # the name is from a file: nothing is imported for it that the registries do not know
     if not _may_be_made(module, package):

@@ -7,26 +7,17 @@ may do so, a new one too, and so may a script.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from copy import copy
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.registry import Registry
-from mobman.toml_model import Strict, validate
-
-PACKAGE = "mobman.simulation"
-"""Whose modules are looked through for types of pieces."""
-
-Each = float | Annotated[list[float], Field(min_length=1)]
-"""A number for all, or a list with one for each."""
-Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+from mobman.toml_model import Strict
 
 
 class Setting:
@@ -40,12 +31,6 @@ class Setting:
 
     def __init__(self, robot: MobileManipulator, dt: float, random: np.random.Generator) -> None:
         self.robot, self.dt, self.random = robot, dt, random
-
-    def with_random(self, random: np.random.Generator) -> Setting:
-        """The same with another generator."""
-        other = copy(self)
-        other.random = random
-        return other
 
     @cached_property
     def inertia(self) -> Array:
@@ -73,80 +58,39 @@ class Piece(Strict):
 Types = Registry[type[Piece]]
 
 
-class Source(Strict):
-    """A piece as a scenario holds it: its type, and the type's own fields, which the type checks.
-
-    Fields that were left out are there with their defaults once it is read, so that a stored scenario
-    says all.
-    """
-
-    model_config = ConfigDict(extra="allow", frozen=True)
-
-    group: ClassVar[str]
-    """The scenario's field: what the pieces of one group have in common."""
-    what: ClassVar[str]
-    """One of them in messages."""
-    kinds: ClassVar[Types]
-
-    type: str
-
-    @model_validator(mode="after")
-    def _valid(self) -> Self:
-        piece = self.resolved()  # reported when it is read, not when it is used
-        fields = self.__pydantic_extra__
-        if fields is not None:
-            fields.clear()
-            fields.update(piece.model_dump(mode="json", exclude_none=True))
-        return self
-
-    def resolved(self) -> Piece:
-        """The piece itself, of its type's class.
-
-        Raises:
-            UnknownNameError: If its type is unknown.
-            SpecError: If one of its fields is wrong.
-        """
-        kind = self.kinds.get(self.type)
-        return validate(kind, dict(self.__pydantic_extra__ or {}), f"{self.what} {self.type!r}")
+def types_of(kind: str, group: str | None = None) -> Types:
+    """A registry of types, which any module here may add to: what one is called, and the entry points of
+    other packages."""
+    return Types(kind, "mobman.simulation", group)
 
 
-def started(sources: Sequence[Source], setting: Setting) -> list[Any]:
-    """Start the pieces of a group: their effects, without those that do nothing.
+# Fields -----------------------------------------------------------------------------------------------
 
-    The generator of each depends on the run's seed, on the group and the type, and on how many of that
-    type come before: pieces of other types and groups may be added or left out without any change to the
-    others. The setting's own generator is not drawn from.
+
+def checked(message: str, zero: bool = False) -> AfterValidator:
+    """Validator that refuses what is below 0, in a list too, and 0 itself unless ``zero``."""
+
+    def check(value: Any) -> Any:
+        if np.min(value) < 0.0 or (np.min(value) == 0.0 and not zero):
+            raise ValueError(message)
+        return value
+
+    return AfterValidator(check)
+
+
+Each = float | Annotated[list[float], Field(min_length=1)]
+"""A number for all, or a list with one for each."""
+EachPositive = Annotated[Each, checked("must be above 0")]
+Factor = Annotated[float, Field(gt=0)]
+Spread = Annotated[float, Field(ge=0, lt=1)]
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+def entries(value: float | list[float], names: list[str], field: str, of: str) -> Array:
+    """A field's number for all, or list with one for each of the names, as an array.
 
     Raises:
-        SpecError: If a piece does not fit the robot; the message names it.
-    """
-    root: Any = setting.random.bit_generator.seed_seq
-    counts: dict[str, int] = {}
-    found = []
-    for source in sources:
-        position = counts[source.type] = counts.get(source.type, -1) + 1
-        # the whole name, so that no two share a number
-        name = int.from_bytes(f"{source.group}/{source.type}".encode(), "little")
-        key = (*root.spawn_key, name, position)
-        own = np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key))
-        try:
-            found.append(source.resolved().start(setting.with_random(own)))
-        except SpecError as error:
-            raise SpecError(f"{source.what} {source.type!r}: {error}") from error
-    return [effect for effect in found if effect is not None]
-
-
-def entries(value: float | list[float], names: list[str], field: str, of: str = "entries") -> Array:
-    """A number for all, or a list with one for each, as an array.
-
-    Args:
-        value: As a piece has it.
-        names: Of what there is one for each.
-        field: The piece's field, for messages.
-        of: What they are, for messages.
-
-    Raises:
-        SpecError: If a list has another length.
+        SpecError: If a list has another length; ``of`` says of what there is one for each.
     """
     if isinstance(value, list) and len(value) != len(names):
         raise SpecError(
@@ -156,14 +100,11 @@ def entries(value: float | list[float], names: list[str], field: str, of: str = 
     return np.zeros(len(names)) + value
 
 
-def some_given(fields: Mapping[str, Any], least: int = 1, most: int | None = None) -> None:
+def some_given(piece: Piece, *names: str, most: int = 9) -> None:
     """
     Raises:
-        ValueError: If fewer or more of the fields than allowed are there.
+        ValueError: If none of the fields, or more than so many of them, are there.
     """
-    given = [name for name, value in fields.items() if value is not None]
-    most = len(fields) if most is None else most
-    if not least <= len(given) <= most:
-        choices = " or ".join(repr(name) for name in fields)
-        one = "exactly one of" if least == most == 1 else "at least one of"
-        raise ValueError(f"give {one} {choices}")
+    if not 1 <= sum(getattr(piece, name) is not None for name in names) <= most:
+        one = "exactly one of" if most == 1 else "at least one of"
+        raise ValueError(f"give {one} {' or '.join(map(repr, names))}")

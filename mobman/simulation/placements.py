@@ -11,7 +11,8 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.errors import MobmanError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.singularity import FollowedPath, follow
+from mobman.simulation.sensors import pose_index
+from mobman.simulation.singularity import Prediction, predict_singularity
 from mobman.tasks.paths import GAP, SHARE_OF_RADIUS, place_of
 from mobman.tasks.task import Task, make_task, parameters_of
 
@@ -50,10 +51,10 @@ def placements(
     ``circle``; ``gap``, 0.5 to 2 times that; ``rate``, 0.6 to 1.2 times the default, either way round.
 
     Draws are repeated until the solution of the extended task
-    (:func:`~mobman.simulation.singularity.follow`) can be followed for two laps, with N (H + D) N^T
-    definite and a quarter of sigma_min(J_e) at rest, so that a car gets no circle beside it. Of a task
-    that leads from rest near a singularity only half of what is left there is asked, and nothing of
-    one that leads to it: some are made for that.
+    (:func:`~mobman.simulation.singularity.predict_singularity`) can be followed for two laps, with
+    N (H + D) N^T definite and a quarter of sigma_min(J_e) at rest, so that a car gets no circle beside
+    it. Of a task that leads from rest near a singularity only half of what is left there is asked, and
+    nothing of one that leads to it: some are made for that.
 
     Args:
         robot: The robot.
@@ -68,7 +69,7 @@ def placements(
     given = dict(given or {})
     rest = Placement(robot.q_rest.copy(), given, make_task(task, robot, **given))
     found: dict[int, Placement] = {}
-    ahead: FollowedPath | None = None
+    ahead: Prediction | None = None
     for number in numbers:
         if number == 0:
             found[0] = rest
@@ -91,14 +92,14 @@ def placements(
     return found
 
 
-def _ahead(robot: MobileManipulator, placed: Placement) -> FollowedPath:
-    period = getattr(placed.task, "period", None)
-    horizon = getattr(placed.task, "duration", None) or _HORIZON
+def _ahead(robot: MobileManipulator, placed: Placement) -> Prediction:
+    task, q0 = placed.task, placed.q0
+    period, horizon = getattr(task, "period", None), getattr(task, "duration", None) or _HORIZON
     duration = _LAPS * period if period else horizon
-    return follow(robot, placed.task, duration=duration, q0=placed.q0, step=_STEP)
+    return predict_singularity(robot, task, duration=duration, q0=q0, step=_STEP)
 
 
-def _as_good(drawn: FollowedPath, rest: FollowedPath) -> bool:
+def _as_good(drawn: Prediction, rest: Prediction) -> bool:
     """True if what lies ahead is no worse than asked, which is no more than what rest has."""
     if rest.ended:
         return True
@@ -110,12 +111,11 @@ def _as_good(drawn: FollowedPath, rest: FollowedPath) -> bool:
 def _drawn(
     robot: MobileManipulator, task: str, given: Mapping[str, Any], random: np.random.Generator
 ) -> Placement:
-    lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - _SPREAD)
-    upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + _SPREAD)
-    base = [robot.joint_names.index(name) for name in robot.platform.base_joints]
-    q0 = robot.q_rest.copy()
-    q0[robot.arm_index] = random.uniform(lower, upper)[robot.arm_index]
-    if base:
+    q0, arm, model = robot.q_rest.copy(), robot.arm_index, robot.model
+    lower = np.maximum(model.lowerPositionLimit, robot.q_rest - _SPREAD)
+    upper = np.minimum(model.upperPositionLimit, robot.q_rest + _SPREAD)
+    q0[arm] = random.uniform(lower, upper)[arm]
+    if base := pose_index(robot):
         q0[base[:-1]] += random.uniform(-_ROOM, _ROOM, len(base) - 1)
         q0[base[-1]] += random.uniform(-math.pi, math.pi)
     q0 = robot.consistent(q0)
@@ -123,11 +123,7 @@ def _drawn(
     radius = place.size * random.uniform(0.5, 1.5)
     gap = GAP if place.drives else SHARE_OF_RADIUS * given.get("radius", radius)
     turn = random.uniform(0.6, 1.2) * random.choice([-1.0, 1.0])
-    drawn = {
-        "radius": radius,
-        "gap": gap * random.uniform(0.5, 2.0),
-        "rate": defaults.get("rate", 0.0) * turn,
-    }
-    own = {name: float(drawn[name]) for name in drawn if name in defaults}
-    parameters = {**own, **given}
+    drawn = {"radius": radius, "gap": gap * random.uniform(0.5, 2.0)}
+    drawn["rate"] = defaults.get("rate", 0.0) * turn
+    parameters = {**{name: float(drawn[name]) for name in drawn if name in defaults}, **given}
     return Placement(q0, parameters, make_task(task, robot, q0, **parameters))

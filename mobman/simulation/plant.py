@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from mobman.arrays import Array, Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
@@ -16,11 +17,9 @@ from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, dot
 from mobman.model.dynamics import Buffers, reduced_bias, reduced_inertia
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.platforms.platform import ArmJoints
-from mobman.simulation.disturbances import Torque
-from mobman.simulation.friction import Resistance
-from mobman.simulation.pieces import PACKAGE, Piece, Setting, Types
+from mobman.simulation.disturbances import Resistance, Torque
+from mobman.simulation.pieces import Piece, Setting, some_given, types_of
 from mobman.simulation.sensors import pose_index
-from mobman.simulation.slip import Slip
 from mobman.simulation.stops import Contact
 
 _LARGEST_DECAY = 2.5
@@ -28,23 +27,26 @@ _LARGEST_DECAY = 2.5
 _SHORTEST_STEP = 2e-5
 """Integration step (s) that steep friction may ask for: fifty a millisecond."""
 
+Slip = Callable[[Array, Array, Array], Callable[[], None]]
+"""Gives a function that adds to the third: the pose (x1, x2, theta) (m, m, rad), its rate if the wheels
+roll (the pose's part of C z), and its rate by slip; shapes (3,), read in place."""
+slips = types_of("slip type", "mobman.slip")
+"""Types of slip; each starts as a :data:`Slip`, or None."""
 NOT_DEFINITE = 3
 """Status: the plant's inertia is not positive definite."""
 
 
 class Forces(NamedTuple):
-    """Terms of z' in (17)."""
+    """Terms of z' in (17): L of M = L L^T, the sum d of what acts on the motors' axes besides v, with
+    D = -B d, and the total v + d."""
 
     lower: Matrix
-    """L of M = L L^T, shape (nz, nz)."""
     bias: Vector
     B: Matrix
     v: Vector
     d: Vector
-    """Sum of what acts on the motors' axes besides v, D = -B d, shape (nz,)."""
     z: Vector
     total: Vector
-    """v + d, shape (nz,)."""
 
 
 class Plant:
@@ -62,7 +64,6 @@ class Plant:
         v: The motors' torque that acts, shape (nz,).
         q_dot: The true q', shape (nq,): C z and the slip.
         forces: What acts at the state.
-        disturbed: Whether there is a disturbance.
         slips: Whether q' is not C z alone. The slip moves the platform and nothing else: (17) is that
             of rolling, and nothing in it depends on where a platform is on a floor.
     """
@@ -75,22 +76,18 @@ class Plant:
         slip: Sequence[Slip] = (),
         stops: Sequence[Contact] = (),
     ) -> None:
-        self.robot = robot
+        self.robot, nz = robot, robot.nz
         self.now = now = Buffers(robot)
-        self.v = np.zeros(robot.nz)
-        self.disturbed = disturbance is not None
-        self._disturbance = disturbance
-        self._external = d = np.zeros(robot.nz)
-        self._friction, self._slip = friction, slip if robot.platform.base_joints else ()
-        self._stops = stops
-        self._longest = math.inf
-        if friction or stops:
-            d = np.zeros(robot.nz)  # that of now: the external one less friction, and the stops'
+        self.v, self._longest = np.zeros(nz), math.inf
+        self._disturbance, self._friction, self._stops = disturbance, friction, stops
+        self._slip = slip if robot.platform.base_joints else ()
         self.slips = bool(self._slip)
         self.q_dot = np.zeros(robot.nq) if self.slips else now.q_dot
-        lower = np.zeros((robot.nz, robot.nz))
-        self.forces = Forces(lower, now.bias, now.B, self.v, d, now.z, np.zeros(robot.nz))
-        self._z_dot, self._power = np.zeros(robot.nz), np.zeros(1)
+        self._external = d = np.zeros(nz)
+        if friction or stops:
+            d = np.zeros(nz)  # that of now: the external one less friction, and the stops'
+        self.forces = Forces(np.zeros((nz, nz)), now.bias, now.B, self.v, d, now.z, np.zeros(nz))
+        self._z_dot, self._power = np.zeros(nz), np.zeros(1)
 
     def disturb(self, t: float) -> None:
         """Let the disturbance of time t (s) act."""
@@ -114,11 +111,7 @@ class Plant:
         return min(h, self._longest, *near)
 
     def follow_friction(self, q: Array, h: float) -> None:
-        """Take steps that follow the friction.
-
-        Args:
-            q: Where the run starts, shape (nq,).
-            h: Length of an integration step (s).
+        """Take steps that follow the friction, from q on, shape (nq,), instead of h (s).
 
         Raises:
             SpecError: If friction is too steep to be integrated in steps that are worth their time.
@@ -153,29 +146,30 @@ class Plant:
     def dynamics(self) -> Callable[[], int]:
         """Fills M, its factor, bias, B and what friction there is, after the buffers' ``velocity`` and
         ``run_dynamics``. NOT_DEFINITE if M is not positive definite."""
-        now, robot, forces = self.now, self.robot, self.forces
+        now, robot = self.now, self.robot
         dynamics = bind(
             _dynamics,
             *(now.joint_inertia, now.nonlinear, robot.platform_index, robot.arm),
-            *(now.N, now.platform_B, now.C_dot_z, now.M, now.B, now.bias, forces.lower),
+            *(now.N, now.platform_B, now.C_dot_z, now.M, now.B, now.bias, self.forces.lower),
         )
+        return sequence(dynamics, *self.resistances())
+
+    def resistances(self) -> list[Callable[[], Any]]:
+        """Entries that add friction and stops to the disturbance, once B is there; none without."""
         if not self._friction and not self._stops:
-            return dynamics
+            return []
         # the axes' rates B^T z: by them the motors' torques v have the power z^T B v
-        rate = np.zeros(robot.nz)
-        return sequence(
-            dynamics,
+        now, d, rate = self.now, self.forces.d, np.zeros(self.robot.nz)
+        return [
             bind(apply_transpose, now.B, now.z, rate),
-            partial(np.copyto, forces.d, self._external),
-            *(part.entry(rate, forces.d) for part in self._friction),
-            *(part.entry(now, forces.d) for part in self._stops),
-        )
+            partial(np.copyto, d, self._external),
+            *(part.entry(rate, d) for part in self._friction),
+            *(part.entry(now, d) for part in self._stops),
+        ]
 
     @cached_property
     def motion(self) -> Callable[[], int]:
-        """Fills the true q', after the buffers' ``velocity``."""
-        if not self.slips:
-            return sequence()
+        """Fills the true q', after the buffers' ``velocity``; where the platform slips."""
         index = np.array(pose_index(self.robot), dtype=np.int64)
         place = pose, rolling, slipping = np.zeros((3, 3))
         return sequence(
@@ -191,9 +185,7 @@ class Plant:
             SingularityError: If M is not positive definite.
         """
         now = self.now
-        now.q[:] = q
-        now.z[:] = z
-        self.v[:] = torque
+        now.q[:], now.z[:], self.v[:] = q, z, torque
         self.disturb(t)
         now.velocity()
         now.run_dynamics()
@@ -205,7 +197,7 @@ class Plant:
 MakePlant = Callable[..., Plant]
 """Makes a plant, with the arguments of :class:`Plant`."""
 
-plants = Types("plant", PACKAGE, "mobman.plants")
+plants = types_of("plant", "mobman.plants")
 """Types of plants; each starts as a :data:`MakePlant`."""
 
 
@@ -213,11 +205,41 @@ class Ideal(Piece):
     """Wheels that roll and do nothing else: (17), integrated by Runge-Kutta."""
 
     def start(self, setting: Setting) -> MakePlant:
-        """See :class:`Piece`."""
         return Plant
 
 
-plants.register("ideal", Ideal)
+class Longitudinal(Piece):
+    """All wheels slip by one ratio: the platform drives and turns at 1 - ``ratio`` of what they
+    roll."""
+
+    ratio: float = Field(gt=-1, lt=1)
+    """(R omega - v)/(R omega); negative where the wheels slide, as in braking."""
+
+    def start(self, setting: Setting) -> Slip | None:
+        ratio = self.ratio
+        if not ratio:
+            return None
+        return lambda pose, rolling, slipping: bind(_longitudinal, ratio, rolling, slipping)
+
+
+class Lateral(Piece):
+    """A velocity across the heading, to the left."""
+
+    angle: float | None = Field(None, gt=-1.5, lt=1.5)
+    """Slip angle (rad): tan(angle) of the velocity along the heading."""
+    velocity: float | None = None
+    """m/s, also at rest: as on a slope."""
+
+    @model_validator(mode="after")
+    def _given(self) -> Self:
+        some_given(self, "angle", "velocity")
+        return self
+
+    def start(self, setting: Setting) -> Slip | None:
+        tangent, velocity = math.tan(self.angle or 0.0), self.velocity or 0.0
+        if tangent == velocity == 0.0:
+            return None
+        return lambda *arrays: bind(_lateral, tangent, velocity, *arrays)
 
 
 def require_success(status: int) -> None:
@@ -287,3 +309,24 @@ def _add_slip(index: Index, slipping: Vector, rolling: Vector, q_dot: Vector) ->
         q_dot[i] = rolling[i]
     for i in range(index.shape[0]):
         q_dot[index[i]] += slipping[i]
+
+
+@kernel
+def _longitudinal(ratio: float, rolling: Vector, slipping: Vector) -> None:
+    for i in range(rolling.shape[0]):
+        slipping[i] -= ratio * rolling[i]
+
+
+@kernel
+def _lateral(
+    tangent: float, velocity: float, pose: Vector, rolling: Vector, slipping: Vector
+) -> None:
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    across = tangent * (cosine * rolling[0] + sine * rolling[1]) + velocity
+    slipping[0] -= sine * across
+    slipping[1] += cosine * across
+
+
+slips.register("longitudinal", Longitudinal)
+slips.register("lateral", Lateral)
+plants.register("ideal", Ideal)

@@ -6,7 +6,6 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
@@ -34,8 +33,48 @@ _SECONDS, _SECONDS_PER_MB = 2.0, 0.5
 _MEGABYTES, _MEGABYTES_PER_MB = 256.0, 100.0
 
 
-@dataclass(repr=False)
-class Record(Displayed):
+@dataclass(kw_only=True)
+class RecordSummary:
+    """A record without its samples."""
+
+    status: str
+    """``"ok"``, ``"diverged"``, or ``"singular"``: a matrix that the law inverts had lost its rank
+    before the state ran away, see ``singularity``."""
+    message: str
+    """For a run that is not ok: when it ended, and why."""
+    robot: str
+    controller: str
+    task: str
+    scenario: str
+    seed: int
+    metrics: dict[str, float]
+    """By name; see docs/metrics.md. NaN where a metric has no meaning, inf where it was not reached."""
+    spec: dict[str, Any]
+    """Description of the run, see :class:`mobman.simulation.run_spec.RunSpec`."""
+    settings: dict[str, Any]
+    """The controller's gains in force, with the numbers that "auto" became."""
+    versions: dict[str, str]
+    """Versions of mobman and of the libraries whose numbers are in here."""
+    created: str
+    """Time of the run, ISO 8601, UTC."""
+    machine: dict[str, str] = field(default_factory=machine)
+    """Processor, architecture and system that the run was made on."""
+    singularity: dict[str, Any] = field(default_factory=dict)
+    """Singularity that ended a run: ``matrix`` (J, J_e, j, M or B), ``time`` (s) from which its least
+    singular value ``sigma_min`` was below ``bound``, the ``joint`` of the arm nearest to its limits, and
+    how far inside these it was, ``margin`` (rad, m; negative: beyond). What is not known is left out."""
+    state_sha256: str = ""
+    """SHA-256, hexadecimal, of t, q, z and torque at every tick, in this order, as little-endian
+    doubles by rows: equal where two runs are, to the last bit. A decimated record has that of all."""
+
+    @property
+    def ok(self) -> bool:
+        """True if the run went to its end."""
+        return self.status == "ok"
+
+
+@dataclass(repr=False, kw_only=True)
+class Record(Displayed, RecordSummary):
     """A run: its samples, its metrics and everything needed to repeat it.
 
     Samples are at the ticks t_0 = 0 ... t_N; N_s of them, all of them unless a file was decimated. A
@@ -69,60 +108,26 @@ class Record(Displayed):
     """Time that the controller took for each tick (s), shape (N_s,)."""
     signals: dict[str, Array]
     """Signals of the controller by place in the file: ``"sliding/s"``, ..."""
-    metrics: dict[str, float]
-    """By name; see docs/metrics.md. NaN where a metric has no meaning, inf where it was not reached."""
-    status: str
-    """``"ok"``, ``"diverged"``, or ``"singular"``: a matrix that the law inverts had lost its rank
-    before the state ran away, see ``singularity``."""
-    message: str
-    """For a run that is not ok: when it ended, and why."""
-    robot: str
-    controller: str
-    task: str
-    scenario: str
-    seed: int
-    spec: dict[str, Any]
-    """Description of the run, see :class:`mobman.simulation.run_spec.RunSpec`."""
-    settings: dict[str, Any]
-    """The controller's gains in force, with the numbers that "auto" became."""
-    versions: dict[str, str]
-    """Versions of mobman and of the libraries whose numbers are in here."""
     urdf_sha256: str
     """Hash of the robot's URDF file."""
-    created: str
-    """Time of the run, ISO 8601, UTC."""
     joint_names: list[str]
     """Names of the entries of q."""
     velocity_names: list[str]
     """Names of the entries of z, and of the motors."""
-    decimation: int = field(default=1)
+    decimation: int = 1
     """Ticks from one sample to the next."""
     urdf: dict[str, bytes] = field(default_factory=dict, repr=False)
     """The robot's URDF files, without their meshes: by ``"0/NAME"``, ``"1/NAME"``, ... in the order of
     its description; ``"plant/0/NAME"``, ... of a plant that is another robot."""
-    machine: dict[str, str] = field(default_factory=machine)
-    """Processor, architecture and system that the run was made on."""
-    singularity: dict[str, Any] = field(default_factory=dict)
-    """Singularity that ended a run: ``matrix`` (J, J_e, j, M or B), ``time`` (s) from which its least
-    singular value ``sigma_min`` was below ``bound``, the ``joint`` of the arm nearest to its limits, and
-    how far inside these it was, ``margin`` (rad, m; negative: beyond). What is not known is left out."""
-    tip_orientation: Array | None = field(default=None)
+    tip_orientation: Array | None = None
     """Orientation of the tip, unit quaternion (w, x, y, z), shape (N_s, 4), or in a pointing task the
     axis that points, shape (N_s, 3), in world axes; None for tasks of position."""
-    tip_desired_orientation: Array | None = field(default=None)
+    tip_desired_orientation: Array | None = None
     """The same that is desired."""
-    state_sha256: str = ""
-    """SHA-256, hexadecimal, of t, q, z and torque at every tick, in this order, as little-endian
-    doubles by rows: equal where two runs are, to the last bit. A decimated record has that of all."""
 
     def __post_init__(self) -> None:
         if not self.state_sha256:
             self.state_sha256 = state_sha256(self.t, self.q, self.z, self.torque)
-
-    @property
-    def ok(self) -> bool:
-        """True if the run went to its end."""
-        return self.status == "ok"
 
     def save(self, path: str | os.PathLike[str], *, every: int = 1, compression: int = 4) -> Path:
         """Write the record to an HDF5 file: whole, or not at all.
@@ -227,19 +232,15 @@ class Record(Displayed):
         from mobman.simulation.monitors import ratios_of
 
         title = f"{self.controller} on {self.robot}, {self.task}, {self.scenario}"
-        if not self.ok:
-            title += f": {self.status}"
+        title += "" if self.ok else f": {self.status}"
         norms = {"|eᵉ|  (m)": self.task_error[:, :3]}
         if self.tip_orientation is not None:
             norms["|eₒ|  (rad)"] = self.task_error[:, 3:]
         norms["|eᵃ|"] = self.auxiliary_error
-        sliding = {f"|{name}|": self.signals.get(f"sliding/{name}") for name in "sS"}
-        norms |= {name: values for name, values in sliding.items() if values is not None}
+        there = [name for name in "sS" if f"sliding/{name}" in self.signals]
+        norms |= {f"|{name}|": self.signals[f"sliding/{name}"] for name in there}
         specs = charts.run_charts(
-            self.t,
-            norms,
-            self.torque,
-            self.velocity_names,
+            *(self.t, norms, self.torque, self.velocity_names),
             law=self.controller,
             title=title,
             ended=not self.ok,
@@ -313,42 +314,18 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     return Record(**content.pop("fields"), **content)
 
 
-@dataclass(frozen=True)
-class RecordSummary:
-    """A record's file without its samples."""
-
-    status: str
-    message: str
-    robot: str
-    controller: str
-    task: str
-    scenario: str
-    seed: int
-    state_sha256: str
-    metrics: dict[str, float]
-    spec: Mapping[str, Any]
-    settings: Mapping[str, Any]
-    """Not to be changed: records with the same settings share them, as for the tables that follow."""
-    versions: Mapping[str, str]
-    machine: Mapping[str, str]
-    created: str
-    singularity: Mapping[str, Any]
-
-
 def read_summary(path: Path) -> RecordSummary:
-    """The summary of a record.
+    """The summary of a record; records with equal dictionaries share them, but for ``spec``, which is
+    each run's own.
 
     Raises:
         RecordError: As for :func:`mobman.load_record`.
     """
     head = _read(path, whole=False)
-    kept = {field.name for field in fields(RecordSummary)}
-    for name in kept & {*DICTIONARIES, *OPTIONAL}:
+    for name in (*DICTIONARIES, *OPTIONAL):
         text = head[f"{name}_json"]
-        head[name] = (
-            json.loads(text) if name == "spec" else _shared(text)
-        )  # which is each run's own
-    return RecordSummary(**{name: head[name] for name in kept})
+        head[name] = json.loads(text) if name == "spec" else _shared(text)
+    return RecordSummary(**{kept.name: head[kept.name] for kept in fields(RecordSummary)})
 
 
 def _read(path: Path, whole: bool) -> dict[str, Any]:
@@ -384,6 +361,6 @@ def _read(path: Path, whole: bool) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=512)
-def _shared(text: str) -> Mapping[str, Any]:
-    """A dictionary; of thousands of records, few differ in theirs."""
+def _shared(text: str) -> Any:
+    """A dictionary that is not to be changed; of thousands of records, few differ in theirs."""
     return MappingProxyType(json.loads(text))

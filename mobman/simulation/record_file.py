@@ -69,60 +69,50 @@ OWN_PLACES = {
 }
 """First parts of the places in a record's file that a controller's signals cannot have."""
 
-_SIGNALS = {
-    "sliding/s": ("m/s^2", "sliding variable of the kinematic stage, (31)"),
-    APPLIED: ("N m or N", "torque that acts from this tick to the next"),
-    "sliding/S": ("1/s^2 of its coordinate", "sliding variable of the dynamic stage, (51)"),
-    "sliding/g": ("m/s^3", "integrand of s, (31)"),
-    "sliding/n": ("1", "unit vector of the kinematic stage, (34)"),
-    "sliding/v_ref": ("1/s^2 of its coordinate", "reference acceleration at the tick's end"),
-    "sliding/v_ref_dot": ("1/s^3 of its coordinate", "its rate in the tick, (35)"),
-    "sliding/G": ("1/s^3 of its coordinate", "integrand of S, (51)"),
-    "sliding/n_d": ("1", "unit vector of the dynamic stage, (55)"),
-    "sliding/v_dot": ("N m/s or N/s", "rate of v, (56) or (65), before a motor's limit"),
-    "sliding/z_dot": ("1/s^2 of its coordinate", "z' as the law takes it"),
-    "monitors/lambda_min_J": ("1", "lambda_min(J J^T) of (22)"),
-    "monitors/lambda_min_B": ("1", "lambda_min(B B^T) of (54)"),
-    "monitors/lambda_min_M_inverse": ("1/(kg m^2)", "lambda_min(M^-1) of (64)"),
-    "monitors/regularity_kinematic": ("1", "lambda_min(J J^T)/a"),
-    "monitors/regularity_dynamic": ("1", "lambda_min(B B^T)/A, or lambda_min(M^-1)/A'"),
-    "monitors/left_kinematic": ("m/s^3", "left side of (41)"),
-    "monitors/left_dynamic": ("N m/s, or 1/s^3 with (65)", "left side of (53)"),
-    "monitors/bound_kinematic": (
-        "m/s^3",
-        "W of (34), which bounds it: the larger of a tick's ends",
-    ),
-    "monitors/bound_dynamic": (
-        "N m/s, or 1/s^3 with (65)",
-        "chi of (53), or chi' of (66), likewise",
-    ),
-    "monitors/margin_kinematic": (
-        "1",
-        "c/a lambda_min(J J^T) (W + c_0) over the left side of (41)",
-    ),
-    "monitors/margin_dynamic": ("1", "C/A lambda_min(B B^T) (chi + C_0) over that of (53)"),
-    "monitors/V_kinematic": ("m^2/s^4", "V of (36)"),
-    "monitors/V_dynamic": ("N m/s^2, or 1/s^4 with (65)", "V of (57), or V' of Theorem 4"),
-    "monitors/V_rate_kinematic": ("m^2/s^5", "its rate off the manifold, else NaN"),
-    "monitors/V_rate_dynamic": (
-        "N m/s^3, or 1/s^5 with (65)",
-        "its rate off the manifold, else NaN",
-    ),
-    "monitors/V_rate_bound_kinematic": ("m^2/s^5", "the most that (42) allows, -c c_0 |s|"),
-    "monitors/V_rate_bound_dynamic": ("N m/s^3, or 1/s^5 with (65)", "that of (63), -C C_0 |S|"),
-    "monitors/reaching_kinematic": ("s", "time to s = 0 at most, by Theorem 1"),
-    "monitors/reaching_dynamic": ("s", "time to S = 0 at most, by Theorem 2 or 4"),
-    "monitors/unit_kinematic": ("1", "|n|: how much of the unit ball is used"),
-    "monitors/unit_dynamic": ("1", "|n_d|"),
-    "monitors/stationarity": ("1", "|N dF/dq| of (11)"),
-    "monitors/stiffness": ("1", "least eigenvalue of N (H + D) N^T: a minimum of F if above 0"),
-    "contact/normal": ("N", "normal force on each foot that grips"),
-    "contact/friction": ("N", "friction on each"),
-    "contact/slip": ("m/s", "speed over the ground of the point of each that touches it"),
-    "contact/lift": ("m", "gap between each and the ground"),
-    "contact/base": ("m or rad", "height, roll and pitch of the platform's frame"),
-    "contact/tip": ("m", "position of the tip, with what the platform tilts and sinks"),
-}
+_TABLE = """
+sliding/s | m/s^2 | sliding variable of the kinematic stage, (31)
+torque_applied | N m or N | torque that acts from this tick to the next
+sliding/S | 1/s^2 of its coordinate | sliding variable of the dynamic stage, (51)
+sliding/g | m/s^3 | integrand of s, (31)
+sliding/n | 1 | unit vector of the kinematic stage, (34)
+sliding/v_ref | 1/s^2 of its coordinate | reference acceleration at the tick's end
+sliding/v_ref_dot | 1/s^3 of its coordinate | its rate in the tick, (35)
+sliding/G | 1/s^3 of its coordinate | integrand of S, (51)
+sliding/n_d | 1 | unit vector of the dynamic stage, (55)
+sliding/v_dot | N m/s or N/s | rate of v, (56) or (65), before a motor's limit
+sliding/z_dot | 1/s^2 of its coordinate | z' as the law takes it
+monitors/lambda_min_J | 1 | lambda_min(J J^T) of (22)
+monitors/lambda_min_B | 1 | lambda_min(B B^T) of (54)
+monitors/lambda_min_M_inverse | 1/(kg m^2) | lambda_min(M^-1) of (64)
+monitors/regularity_kinematic | 1 | lambda_min(J J^T)/a
+monitors/regularity_dynamic | 1 | lambda_min(B B^T)/A, or lambda_min(M^-1)/A'
+monitors/left_kinematic | m/s^3 | left side of (41)
+monitors/left_dynamic | N m/s, or 1/s^3 with (65) | left side of (53)
+monitors/bound_kinematic | m/s^3 | W of (34), which bounds it: the larger of a tick's ends
+monitors/bound_dynamic | N m/s, or 1/s^3 with (65) | chi of (53), or chi' of (66), likewise
+monitors/margin_kinematic | 1 | c/a lambda_min(J J^T) (W + c_0) over the left side of (41)
+monitors/margin_dynamic | 1 | C/A lambda_min(B B^T) (chi + C_0) over that of (53)
+monitors/V_kinematic | m^2/s^4 | V of (36)
+monitors/V_dynamic | N m/s^2, or 1/s^4 with (65) | V of (57), or V' of Theorem 4
+monitors/V_rate_kinematic | m^2/s^5 | its rate off the manifold, else NaN
+monitors/V_rate_dynamic | N m/s^3, or 1/s^5 with (65) | its rate off the manifold, else NaN
+monitors/V_rate_bound_kinematic | m^2/s^5 | the most that (42) allows, -c c_0 |s|
+monitors/V_rate_bound_dynamic | N m/s^3, or 1/s^5 with (65) | that of (63), -C C_0 |S|
+monitors/reaching_kinematic | s | time to s = 0 at most, by Theorem 1
+monitors/reaching_dynamic | s | time to S = 0 at most, by Theorem 2 or 4
+monitors/unit_kinematic | 1 | |n|: how much of the unit ball is used
+monitors/unit_dynamic | 1 | |n_d|
+monitors/stationarity | 1 | |N dF/dq| of (11)
+monitors/stiffness | 1 | least eigenvalue of N (H + D) N^T: a minimum of F if above 0
+contact/normal | N | normal force on each foot that grips
+contact/friction | N | friction on each
+contact/slip | m/s | speed over the ground of the point of each that touches it
+contact/lift | m | gap between each and the ground
+contact/base | m or rad | height, roll and pitch of the platform's frame
+contact/tip | m | position of the tip, with what the platform tilts and sinks
+"""
+_SIGNALS = {place: told for place, *told in (row.split(" | ") for row in _TABLE.split("\n")[1:-1])}
+"""Units and description of the signals that are mobman's own, by their place."""
 _DIMENSION_ONLY = "This is a netCDF dimension but not a netCDF variable. %10d"
 """The name in netCDF of a dimension without coordinates."""
 _ROWS = 16384  # of a chunk at most: what reads a moment of a long run need not read the whole
@@ -144,18 +134,20 @@ def error_components(m: int) -> list[str]:
 
 
 def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int = 4) -> bytes:
-    """The content of a record's file; equal records make equal bytes.
-
-    Args:
-        record: The fields of a :class:`mobman.Record` by name.
-        every: Keep every so many-th sample, and the last.
-        compression: From 0, none, to 9.
+    """The content of the file of a record, given by the fields of a :class:`mobman.Record`, with every
+    so many-th sample and the last; equal records make equal bytes.
 
     Raises:
         UsageError: If ``every`` or ``compression`` is no such number.
     """
-    _check_number("every", every, 1, None)
-    _check_number("compression", compression, 0, 9)
+    for name, value, least, most in (
+        ("every", every, 1, math.inf),
+        ("compression", compression, 0, 9),
+    ):
+        whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+        if not whole or not least <= value <= most:
+            allowed = f"from {least} to {most}" if most < math.inf else f"{least} or more"
+            raise UsageError(f"{name} = {value!r}: must be a whole number, {allowed}")
     count = len(record["t"])
     # the last sample too: where a run ended early, it is the one that matters
     rows: Any = sorted({*range(0, count, every), count - 1}) if every > 1 else slice(None)
@@ -168,15 +160,21 @@ def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int 
 
 
 def _file_of(record: Mapping[str, Any], every: int, rows: Any, compression: int) -> bytes:
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fapl_core(1 << 18, False)
+    # readers since HDF5 1.10 (2016); smaller indices of chunks than before
+    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
+    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+    creation.set_obj_track_times(False)  # which h5py.File has no option for
     # of a name of its own: HDF5 takes two files of one name for the same
-    with _file_in_memory(f"mobman-{next(_names)}") as file:
+    name = f"mobman-{next(_names)}".encode()
+    with h5py.File(h5py.h5f.create(name, h5py.h5f.ACC_TRUNC, creation, access)) as file:
         _write_attributes(file, record, every)
         _write_samples(file, record, rows, compression)
         for place, content in record["urdf"].items():
             _write_urdf(file, f"urdf/{place}", content)
         file.flush()
-        content = file.id.get_file_image()
-    return bytes(content)
+        return bytes(file.id.get_file_image())
 
 
 def most_bytes(size: int) -> float:
@@ -209,23 +207,6 @@ def as_in_file(content: dict[str, Any]) -> dict[str, Any]:
     return back
 
 
-def _check_number(name: str, value: int, least: int, most: int | None) -> None:
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not whole or value < least or (most is not None and value > most):
-        allowed = f"{least} or more" if most is None else f"from {least} to {most}"
-        raise UsageError(f"{name} = {value!r}: must be a whole number, {allowed}")
-
-
-def _file_in_memory(name: str) -> h5py.File:
-    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    access.set_fapl_core(1 << 18, False)
-    # readers since HDF5 1.10 (2016); smaller indices of chunks than before
-    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
-    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
-    creation.set_obj_track_times(False)  # which h5py.File has no option for
-    return h5py.File(h5py.h5f.create(name.encode(), h5py.h5f.ACC_TRUNC, creation, access))
-
-
 def _write_attributes(file: h5py.File, record: Mapping[str, Any], every: int) -> None:
     file.attrs["schema_version"] = SCHEMA_VERSION
     file.attrs["seed"] = np.int64(record["seed"])
@@ -251,8 +232,10 @@ def _write_samples(file: h5py.File, record: Mapping[str, Any], rows: Any, compre
         values = np.asarray(values, dtype="<f8")[rows]
         options: dict[str, Any] = {}
         if compression and values.size:
+            # chunks are some rows of one column
+            count = math.ceil(values.shape[0] / max(1, math.ceil(values.shape[0] / _ROWS)))
             options = {"compression": "gzip", "compression_opts": compression, "shuffle": True}
-            options["chunks"] = _chunk_shape(values.shape)
+            options["chunks"] = (max(1, count), *(1 for _ in values.shape[1:]))
         return _dataset(file, place, values, units, description, **options)
 
     time = samples("t", record["t"], "s", "time")
@@ -260,11 +243,10 @@ def _write_samples(file: h5py.File, record: Mapping[str, Any], rows: Any, compre
     names = error_components(record["task_error"].shape[1])
     directions = names[:3]
     components = np.arange(record["auxiliary_error"].shape[1])
+    motors = record["velocity_names"]
     scales = {
         "joint": axis("joint", record["joint_names"], "", "coordinates of q"),
-        "velocity": axis(
-            "velocity", record["velocity_names"], "", "components of z, and the motors"
-        ),
+        "velocity": axis("velocity", motors, "", "components of z, and the motors"),
         "axis": axis("axis", directions, "", "world axes"),
         "auxiliary_component": axis("auxiliary_component", components, "1", "components of e^a"),
     }
@@ -297,12 +279,6 @@ def _write_urdf(file: h5py.File, place: str, content: bytes) -> None:
     byte = data.parent.create_dataset("byte", shape=values.shape, dtype=">f4")
     byte.make_scale(_DIMENSION_ONLY % len(values))
     data.dims[0].attach_scale(byte)
-
-
-def _chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Some rows of one column."""
-    parts = max(1, math.ceil(shape[0] / _ROWS))
-    return (max(1, math.ceil(shape[0] / parts)), *(1 for _ in shape[1:]))
 
 
 def _dataset(

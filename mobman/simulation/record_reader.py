@@ -18,16 +18,13 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import RecordError
+from mobman.simulation import record_file as layout
 from mobman.simulation.record_file import (
     DICTIONARIES,
-    EARLIER,
     FIELDS,
     OPTIONAL,
     ORIENTATION,
-    OWN_PLACES,
     SCHEMA_VERSION,
-    TEXTS,
-    most_bytes,
 )
 
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
@@ -36,6 +33,7 @@ _LONGEST = 20_000_000  # characters of a text
 _MOST_NAMES = 10_000  # of joints, metrics and signals
 _URDF_NAME = re.compile(r"(plant/)?[0-9]{1,4}/(?!\.{1,2}$)[^/\0]{1,255}")
 _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
+_ITSELF = "a record holds its data itself"
 # samples that are finite in every run, and those that are in a run that went to its end
 _FINITE, _FINITE_IF_OK = {"q", "z"}, {"tip/position", "tip/desired", "error/task"}
 
@@ -55,8 +53,8 @@ def read(path: str, shown: str, whole: bool) -> dict[str, Any]:
     """
     try:
         with h5py.File(path, "r") as file:
+            _check_version(file.attrs, shown)
             reader = _Reader(file, Path(path).stat().st_size)
-            reader.check_version(shown)
             return reader.head() | (reader.samples() if whole else {})
     except OSError as error:
         text = " ".join(str(error).split())
@@ -69,73 +67,64 @@ def read(path: str, shown: str, whole: bool) -> dict[str, Any]:
         raise RecordError(f"{shown} is not a whole record: {' '.join(text.split())}") from error
 
 
-class _Reader:
-    """Checks and reads the parts of an open file.
-
-    Args:
-        file: The file.
-        size: Of the file (bytes).
+def _check_version(attributes: h5py.AttributeManager, shown: str) -> None:
     """
+    Raises:
+        RecordError: If the file is of another schema.
+    """
+    if "schema_version" not in attributes:
+        raise RecordError(
+            f"{shown} is an HDF5 file, but not a mobman record (no schema_version); allowed: a "
+            f"record of schema version {SCHEMA_VERSION}"
+        )
+    one = attributes.get_id("schema_version").shape == ()
+    version = attributes["schema_version"] if one else "of several numbers"
+    if one and version in (SCHEMA_VERSION, *layout.EARLIER):
+        return
+    advice = "mobman did not write it"
+    if isinstance(version, (int, np.integer)) and version > 0:
+        older = version < SCHEMA_VERSION
+        advice = "run it again" if older else "a later mobman wrote it; install that"
+    raise RecordError(
+        f"{shown} has schema version {version}; this mobman reads version {SCHEMA_VERSION}: {advice}"
+    )
+
+
+def _require(fine: bool, otherwise: str) -> None:
+    if not fine:
+        raise ValueError(otherwise)
+
+
+class _Reader:
+    """Checks and reads the parts of an open file, of a size (bytes)."""
 
     def __init__(self, file: h5py.File, size: int) -> None:
         self._file, self._attributes = file, file.attrs
-        self._left = most_bytes(size)
-        self._bound = self._left
-
-    def check_version(self, shown: str) -> None:
-        """
-        Raises:
-            RecordError: If the file is of another schema.
-        """
-        if "schema_version" not in self._attributes:
-            raise RecordError(
-                f"{shown} is an HDF5 file, but not a mobman record (no schema_version); allowed: a "
-                f"record of schema version {SCHEMA_VERSION}"
-            )
-        one = self._attributes.get_id("schema_version").shape == ()
-        version = self._attributes["schema_version"] if one else "of several numbers"
-        if one and version in (SCHEMA_VERSION, *EARLIER):
-            return
-        advice = "mobman did not write it"
-        if isinstance(version, (int, np.integer)) and version > 0:
-            older = version < SCHEMA_VERSION
-            advice = "run it again" if older else "a later mobman wrote it; install that"
-        raise RecordError(
-            f"{shown} has schema version {version}; this mobman reads version {SCHEMA_VERSION}: {advice}"
-        )
+        self._left = self._bound = layout.most_bytes(size)
 
     def head(self) -> dict[str, Any]:
         """Everything but the samples."""
-        found: dict[str, Any] = {name: self._text(name) for name in TEXTS}
-        found |= {f"{name}_json": self._json(f"{name}_json") for name in DICTIONARIES}
-        found |= {
-            f"{name}_json": self._json(f"{name}_json")
-            if f"{name}_json" in self._attributes
-            else "{}"
-            for name in OPTIONAL
-        }
-        for name in ("versions", "machine"):
-            values = json.loads(found[f"{name}_json"]).values()
-            if not all(isinstance(value, str) for value in values):
-                raise TypeError(f"its attribute '{name}_json' has entries that are not text")
-        found["seed"] = self._integer("seed")
-        found["decimation"] = self._integer("decimation")
-        if found["decimation"] < 1:
-            raise ValueError(
-                f"its attribute 'decimation' is {found['decimation']}; allowed: from 1"
-            )
-        found["metrics"] = self._metrics()
-        return found
+        found: dict[str, Any] = {name: self._text(name) for name in layout.TEXTS}
+        for name in (*DICTIONARIES, *OPTIONAL):
+            key = f"{name}_json"
+            left_out = name in OPTIONAL and key not in self._attributes
+            found[key] = "{}" if left_out else self._json(key)
+        for key in ("versions_json", "machine_json"):
+            texts = all(isinstance(value, str) for value in json.loads(found[key]).values())
+            _require(texts, f"its attribute {key!r} has entries that are not text")
+        found |= {name: self._integer(name) for name in ("seed", "decimation")}
+        every = found["decimation"]
+        _require(every >= 1, f"its attribute 'decimation' is {every}; allowed: from 1")
+        return {**found, "metrics": self._metrics()}
 
     def samples(self) -> dict[str, Any]:
         """The samples, their names, and the URDFs."""
         ok = self._text("status") == "ok"
         joints, velocities = self._names("joint"), self._names("velocity")
         t = self._samples("t", (None,))
-        if not len(t) or not np.all(np.isfinite(t)):
-            raise ValueError("t has entries that are not finite" if len(t) else "t has no times")
-        rows = len(t)
-        nq, nz = (len(joints),), (len(velocities),)
+        _require(len(t) > 0, "t has no times")
+        _require(bool(np.all(np.isfinite(t))), "t has entries that are not finite")
+        rows, nq, nz = len(t), (len(joints),), (len(velocities),)
         columns: dict[str, tuple[int, ...]] = {"q": nq, "z": nz, "torque": nz, "compute_time": ()}
         fields: dict[str, Array] = {}
         places = dict(FIELDS)
@@ -143,23 +132,20 @@ class _Reader:
             places |= ORIENTATION
         for place, (field, *_) in places.items():
             found = self._samples(place, (rows, *columns.get(place, (None,))))
-            must_be_finite = place in _FINITE or (ok and place in _FINITE_IF_OK)
-            if must_be_finite and not np.all(np.isfinite(found)):
-                raise ValueError(f"{place} has entries that are not finite")
+            if place in _FINITE or (ok and place in _FINITE_IF_OK):
+                finite = bool(np.all(np.isfinite(found)))
+                _require(finite, f"{place} has entries that are not finite")
             fields[field] = found
-        if fields["tip_position"].shape != fields["tip_desired"].shape:
-            raise ValueError(
-                f"tip/desired has shape {fields['tip_desired'].shape}, and tip/position "
-                f"{fields['tip_position'].shape}"
+        tip, desired = (fields[name].shape for name in ("tip_position", "tip_desired"))
+        _require(tip == desired, f"tip/desired has shape {desired}, and tip/position {tip}")
+        if ORIENTATION.keys() <= places.keys():
+            turned, wanted = (fields[field].shape for field, *_ in ORIENTATION.values())
+            error = fields["task_error"].shape
+            _require(
+                turned == wanted and error[1] == {4: 6, 3: 5}.get(turned[1], 0),
+                f"tip/orientation has shape {turned}, tip/desired_orientation {wanted}, and "
+                f"error/task {error}",
             )
-        turned = [fields[field].shape for field, *_ in ORIENTATION.values() if field in fields]
-        if turned:
-            m = {4: 6, 3: 5}.get(turned[0][1], 0)
-            if turned[0] != turned[1] or fields["task_error"].shape[1] != m:
-                raise ValueError(
-                    f"tip/orientation has shape {turned[0]}, tip/desired_orientation {turned[1]}, and "
-                    f"error/task {fields['task_error'].shape}"
-                )
         return {
             "t": t,
             "fields": fields,
@@ -169,113 +155,107 @@ class _Reader:
             "urdf": dict(self._urdfs()),
         }
 
+    # Attributes ----------------------------------------------------------------------------------
+
     def _attribute(self, name: str) -> h5py.h5a.AttrID:
-        if name not in self._attributes:
-            raise KeyError(f"its attribute {name!r} is missing")
+        _require(name in self._attributes, f"its attribute {name!r} is missing")
         return self._attributes.get_id(name)
 
     def _text(self, name: str) -> str:
         found = self._attribute(name)
-        if h5py.check_string_dtype(found.dtype) is None or found.shape != ():
-            raise TypeError(f"its attribute {name!r} is no text")
+        is_text = h5py.check_string_dtype(found.dtype) is not None and found.shape == ()
+        _require(is_text, f"its attribute {name!r} is no text")
         text = _unicode(str(self._attributes[name]), f"its attribute {name!r}")
-        if len(text) > _LONGEST:
-            raise ValueError(f"its attribute {name!r} has {len(text)} characters")
+        _require(len(text) <= _LONGEST, f"its attribute {name!r} has {len(text)} characters")
         return text
 
     def _json(self, name: str) -> str:
-        text = self._text(name)
+        text, content, deep = self._text(name), {}, True
         try:
             content = json.loads(text)
-        except RecursionError as error:
-            raise ValueError(f"its attribute {name!r} is nested too deeply") from error
+            deep = _depth(content) > _DEEPEST
+        except RecursionError:
+            pass
         except ValueError as error:
             raise ValueError(f"its attribute {name!r} is not JSON: {error}") from error
-        if not isinstance(content, dict):
-            raise TypeError(f"its attribute {name!r} is no dictionary")
-        if _depth(content) > _DEEPEST:
-            raise ValueError(f"its attribute {name!r} is nested too deeply")
+        _require(isinstance(content, dict), f"its attribute {name!r} is no dictionary")
+        _require(not deep, f"its attribute {name!r} is nested too deeply")
         return text
 
     def _integer(self, name: str) -> int:
         found = self._attribute(name)
-        if found.dtype.kind not in "iu" or found.shape != ():
-            raise TypeError(f"its attribute {name!r} is no whole number")
+        whole = found.dtype.kind in "iu" and found.shape == ()
+        _require(whole, f"its attribute {name!r} is no whole number")
         return int(self._attributes[name])
 
     def _signals(self) -> list[str]:
         found = self._attribute("signals")
-        if len(found.shape) != 1 or found.shape[0] > _MOST_NAMES:
-            raise TypeError("its attribute 'signals' is no list of names")
-        if found.shape[0] == 0:
-            return []
-        if h5py.check_string_dtype(found.dtype) is None:
-            raise TypeError("its attribute 'signals' is no list of names")
-        names = [_unicode(str(name), "a signal") for name in self._attributes["signals"]]
+        is_list = len(found.shape) == 1 and found.shape[0] <= _MOST_NAMES
+        is_text = h5py.check_string_dtype(found.dtype) is not None or found.shape[:1] == (0,)
+        _require(is_list and is_text, "its attribute 'signals' is no list of names")
+        listed = self._attributes["signals"] if found.shape[0] else ()
+        names = [_unicode(str(name), "a signal") for name in listed]
         for name in names:
-            if name.partition("/")[0] in OWN_PLACES:
-                raise ValueError(f"its signal {name!r} has the name of another part of a record")
+            own = name.partition("/")[0] in layout.OWN_PLACES
+            _require(not own, f"its signal {name!r} has the name of another part of a record")
         return names
 
     def _metrics(self) -> dict[str, float]:
         """Metrics, read by HDF5's own functions, since indices of suites read many files."""
         group = self._open("metrics")
-        if not isinstance(group, h5py.h5g.GroupID):
-            raise TypeError("metrics is not a group")
+        _require(isinstance(group, h5py.h5g.GroupID), "metrics is not a group")
         count = h5py.h5a.get_num_attrs(group)
-        if count > _MOST_NAMES:
-            raise ValueError(f"it has {count} metrics; allowed: {_MOST_NAMES}")
+        _require(count <= _MOST_NAMES, f"it has {count} metrics; allowed: {_MOST_NAMES}")
         metrics = {}
         for index in range(count):
             attribute = h5py.h5a.open(group, index=index)
             name = attribute.name.decode()
-            if attribute.shape != () or attribute.dtype.kind not in "fiu":
-                raise ValueError(f"its metric {name!r} is no number")
+            number = attribute.shape == () and attribute.dtype.kind in "fiu"
+            _require(number, f"its metric {name!r} is no number")
             value = np.empty((), dtype=float)
             attribute.read(value)
-            if name in ("", ".", "..") or "/" in name:
-                raise ValueError(f"its metric {name!r} has a name that no dataset can have")
+            fine = name not in ("", ".", "..") and "/" not in name
+            _require(fine, f"its metric {name!r} has a name that no dataset can have")
             metrics[name] = float(value)
         return metrics
 
+    # Datasets ------------------------------------------------------------------------------------
+
     def _names(self, place: str) -> list[str]:
         dataset = self._dataset(place)
-        if len(dataset.shape) != 1 or dataset.shape[0] > _MOST_NAMES:
-            raise ValueError(f"{place} has shape {dataset.shape}; allowed: a list of names")
-        if h5py.check_string_dtype(dataset.dtype) is None:
-            raise TypeError(f"{place} has entries of type {dataset.dtype}; allowed: text")
+        shape, kind = dataset.shape, dataset.dtype
+        is_list = len(shape) == 1 and shape[0] <= _MOST_NAMES
+        _require(is_list, f"{place} has shape {shape}; allowed: a list of names")
+        is_text = h5py.check_string_dtype(kind) is not None
+        _require(is_text, f"{place} has entries of type {kind}; allowed: text")
         return [_unicode(str(name), place) for name in dataset.asstr()[()]]
 
     def _samples(self, place: str, shape: tuple[Any, ...]) -> Array:
         """Samples of a shape: None stands for any size of an axis, a last ``...`` for any axes."""
         dataset = self._dataset(place)
-        open_end = shape[-1] is ...
-        sizes = shape[:-1] if open_end else shape
-        found = dataset.shape
-        fits = len(found) >= len(sizes) if open_end else len(found) == len(sizes)
-        fits &= all(size in (None, own) for size, own in zip(sizes, found, strict=False))
-        if not fits:
-            if found[:1] != sizes[:1] and sizes[0] is not None:
-                raise ValueError(f"{place} has shape {found} for {sizes[0]} times")
+        sizes = shape[:-1] if shape[-1] is ... else shape
+        found, kind = dataset.shape, dataset.dtype
+        fits = len(found) >= len(sizes) if shape[-1] is ... else len(found) == len(sizes)
+        if not fits or any(a not in (None, b) for a, b in zip(sizes, found, strict=False)):
+            times = found[:1] == sizes[:1] or sizes[0] is None
+            _require(times, f"{place} has shape {found} for {sizes[0]} times")
             needed = ", ".join("any" if size in (None, ...) else str(size) for size in shape)
             raise ValueError(f"{place} has shape {found}; allowed: ({needed})")
-        if dataset.dtype.kind != "f" or dataset.dtype.itemsize > 8:
-            raise TypeError(f"{place} has entries of type {dataset.dtype}; allowed: 64-bit floats")
+        floats = kind.kind == "f" and kind.itemsize <= 8
+        _require(floats, f"{place} has entries of type {kind}; allowed: 64-bit floats")
         values: Array = dataset[()].astype("<f8", copy=False)
         return values
 
     def _urdfs(self) -> Iterator[tuple[str, bytes]]:
-        if "urdf" not in self._file:
-            return
-        for place in self._below("urdf", 3):
+        for place in self._below("urdf", 3) if "urdf" in self._file else ():
             name = place.removeprefix("urdf/")
             if name.endswith("/byte"):  # its axis
                 continue
-            if not _URDF_NAME.fullmatch(name):
-                raise ValueError(f"{place} is no place of a URDF; allowed: urdf/NUMBER/NAME")
+            fine = _URDF_NAME.fullmatch(name) is not None
+            _require(fine, f"{place} is no place of a URDF; allowed: urdf/NUMBER/NAME")
             dataset = self._dataset(place)
-            if dataset.dtype != np.uint8 or len(dataset.shape) != 1:
-                raise TypeError(f"{place} has entries of type {dataset.dtype}; allowed: bytes")
+            fine = dataset.dtype == np.uint8 and len(dataset.shape) == 1
+            _require(fine, f"{place} has entries of type {dataset.dtype}; allowed: bytes")
             yield name, dataset[()].tobytes()
 
     def _below(self, place: str, levels: int) -> Iterator[str]:
@@ -284,73 +264,53 @@ class _Reader:
         if isinstance(group, h5py.h5d.DatasetID):
             yield place
             return
-        if levels == 0 or group.get_num_objs() > _MOST_NAMES:
-            raise ValueError(f"{place} holds more than the URDFs of a robot")
+        few = levels > 0 and group.get_num_objs() <= _MOST_NAMES
+        _require(few, f"{place} holds more than the URDFs of a robot")
         for name in list(group):
             yield from self._below(f"{place}/{name.decode()}", levels - 1)
 
     def _open(self, place: str) -> h5py.h5g.GroupID | h5py.h5d.DatasetID:
-        """A group or a dataset, reached by hard links alone.
-
-        Raises:
-            ValueError: If there is a link on the way.
-        """
+        """A group or a dataset, reached by hard links alone."""
         found: Any = h5py.h5g.open(self._file.id, b"/")
         passed = ""
         for part in place.split("/"):
-            passed = f"{passed}/{part}".lstrip("/")
-            if not isinstance(found, h5py.h5g.GroupID) or part.encode() not in found:
-                raise KeyError(f"{passed} is missing")
-            kind = found.links.get_info(part.encode()).type
+            passed, name = f"{passed}/{part}".lstrip("/"), part.encode()
+            there = isinstance(found, h5py.h5g.GroupID) and name in found
+            _require(there, f"{passed} is missing")
+            kind = found.links.get_info(name).type
             if kind != h5py.h5l.TYPE_HARD:
-                target = found.links.get_val(part.encode())
-                raise ValueError(
-                    f"{passed} is {_LINKS.get(kind, 'a link')} to {_decoded(target)}; a record holds "
-                    "its data itself"
-                )
-            found = h5py.h5o.open(found, part.encode())
+                target = _decoded(found.links.get_val(name))
+                link = _LINKS.get(kind, "a link")
+                raise ValueError(f"{passed} is {link} to {target}; {_ITSELF}")
+            found = h5py.h5o.open(found, name)
         return found
 
     def _dataset(self, place: str) -> h5py.Dataset:
         """A dataset that can be read without reading anything else, and without more memory than
-        what is left for this file.
-
-        Raises:
-            KeyError: If it is missing.
-            TypeError: If it is no dataset.
-            ValueError: If it may not be read.
-        """
+        what is left for this file."""
         found = self._open(place)
-        if not isinstance(found, h5py.h5d.DatasetID):
-            raise TypeError(f"{place} is not a dataset")
-        plan = found.get_create_plist()
+        _require(isinstance(found, h5py.h5d.DatasetID), f"{place} is not a dataset")
+        plan, dataset = found.get_create_plist(), h5py.Dataset(found)
         if plan.get_external_count():
             name = _decoded(plan.get_external(0)[0])
-            raise ValueError(
-                f"the values of {place} are in another file, {name}; a record holds its data itself"
+            raise ValueError(f"the values of {place} are in another file, {name}; {_ITSELF}")
+        virtual = plan.get_layout() == h5py.h5d.VIRTUAL
+        _require(not virtual, f"{place} is a virtual dataset, a view of other files; {_ITSELF}")
+        for number in (plan.get_filter(index)[0] for index in range(plan.get_nfilters())):
+            _require(
+                number in _FILTERS,
+                f"{place} is stored by the filter {number}; allowed: gzip, shuffle, fletcher32",
             )
-        if plan.get_layout() == h5py.h5d.VIRTUAL:
-            raise ValueError(
-                f"{place} is a virtual dataset, a view of other files; a record holds its data itself"
-            )
-        for index in range(plan.get_nfilters()):
-            if plan.get_filter(index)[0] not in _FILTERS:
-                raise ValueError(
-                    f"{place} is stored by the filter {plan.get_filter(index)[0]}; allowed: gzip, "
-                    "shuffle, fletcher32"
-                )
-        dataset = h5py.Dataset(found)
-        if dataset.shape is None:
-            raise ValueError(f"{place} is empty")
+        _require(dataset.shape is not None, f"{place} is empty")
         size = math.prod(dataset.shape) * dataset.dtype.itemsize
         if plan.get_layout() == h5py.h5d.CHUNKED:
             # a chunk is held whole, whatever the shape is
             size = max(size, math.prod(plan.get_chunk()) * dataset.dtype.itemsize)
-        if size > self._left:
-            raise ValueError(
-                f"{place} has shape {dataset.shape}, {size / 1e6:.3g} MB; allowed in a file of this "
-                f"size: {self._bound / 1e6:.3g} MB altogether"
-            )
+        _require(
+            size <= self._left,
+            f"{place} has shape {dataset.shape}, {size / 1e6:.3g} MB; allowed in a file of this "
+            f"size: {self._bound / 1e6:.3g} MB altogether",
+        )
         self._left -= size
         return dataset
 
@@ -362,11 +322,7 @@ def _depth(value: Any) -> int:
 
 
 def _unicode(text: str, where: str) -> str:
-    """The text.
-
-    Raises:
-        ValueError: If it has what no file or terminal can be given.
-    """
+    """The text, unless it has what no file or terminal can be given."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError as error:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mobman.arrays import Array, Index
+from mobman.arrays import Array
 from mobman.controllers.protocol import Controller, make_controller
 from mobman.errors import MobmanError, RecordError
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -24,7 +24,8 @@ from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record, load_record
 from mobman.simulation.record_file import as_in_file, error_components, places_of
 from mobman.simulation.run_spec import RunSpec
-from mobman.simulation.simulate import seconds, simulate, true_plant, whole_ticks
+from mobman.simulation.scenario import true_plant
+from mobman.simulation.simulate import seconds, simulate, whole_ticks
 from mobman.tasks.task import Task
 
 Progress = Callable[[float], None]
@@ -186,11 +187,8 @@ def _repeated(record: Record, path: Path, own: Own, progress: Progress | None) -
 
 
 def _check_length(record: Record, run: RunSpec) -> None:
-    """
-    Raises:
-        RecordError: If the run would be much longer than the samples of the record, which went to its
-            end: what is in the file must not decide how long this computes.
-    """
+    """Refuse a run that would be much longer than the samples of the record, which went to its end: what
+    is in the file must not decide how long this computes."""
     ticks = whole_ticks(seconds("duration", run.duration), seconds("dt", run.dt))
     most = 2 * len(record.t) * min(record.decimation, _MOST_DECIMATION) + _FEW
     if ticks > (most if record.ok else most + _MOST_AFTER_THE_END):
@@ -220,11 +218,10 @@ _GIVEN = "; one that is not registered is given by its code: --{} FILE.py:NAME, 
 
 
 def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | None) -> Record:
-    has: tuple[str, ...] = ()
-    if own.controller is not None:
-        has += ("its controller", "the gains of its controller")
-    if own.make_task is not None:
-        has += ("its task",)
+    has: tuple[str, ...] = (
+        () if own.controller is None else ("its controller", "the gains of its controller")
+    )
+    has += () if own.make_task is None else ("its task",)
     if reasons := [reason for reason in run.not_repeatable if not reason.startswith(has)]:
         raise RecordError("; ".join(reasons))
     scenario = parts.scenario_of(run.scenario)
@@ -239,19 +236,9 @@ def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | No
     plant = parts.plant_of(run, urdf, robot)
     setting = Setting(robot, run.dt, np.random.default_rng(run.seed))
     parts.require_same(true_plant(setting, plant, scenario), run, "plant")
-    return simulate(
-        robot,
-        controller,
-        task,
-        duration=run.duration,
-        dt=run.dt,
-        q0=q0,
-        plant=plant,
-        scenario=scenario,
-        seed=run.seed,
-        monitor=run.monitor,
-        progress=progress,
-    )
+    numbers = {name: getattr(run, name) for name in ("duration", "dt", "seed", "monitor")}
+    differing: dict[str, Any] = {"plant": plant, "scenario": scenario}
+    return simulate(robot, controller, task, q0=q0, progress=progress, **differing, **numbers)
 
 
 def _changed_since(record: Record) -> str:
@@ -269,10 +256,8 @@ def _changed_since(record: Record) -> str:
     if sources.sha256() != record.urdf_sha256:
         return f"the URDF {sources} is not the run's any more; the one in the record was used"
     if now.model_dump(mode="json", by_alias=True) != described:
-        return (
-            f"the description of the robot {name!r} is not the run's any more; the one in the record "
-            "was used"
-        )
+        what = f"the description of the robot {name!r}"
+        return f"{what} is not the run's any more; the one in the record was used"
     return ""
 
 
@@ -299,8 +284,12 @@ def _compare(record: Record, again: Record, tolerance: float) -> Iterator[Compar
     for name in (*_TEXTS, *(("message",) if exact else ())):
         was, now = getattr(record, name), getattr(again, name)
         yield _unlike(name, f"{was!r} in the file, {now!r} now", was == now)
-    rows = _same_ticks(record, again)
-    same = len(rows) == len(record.t) and int(rows[-1]) == len(again.t) - 1
+    # the samples of the repetition that are the record's, as far as both go
+    rows, last = np.arange(len(record.t)) * record.decimation, len(again.t) - 1
+    if len(rows) > 1 and rows[-2] < last < rows[-1]:
+        rows[-1] = last  # decimation keeps the last one, wherever it is
+    rows = rows[rows <= last]
+    same = len(rows) == len(record.t) and int(rows[-1]) == last
     ends = float(record.t[-1]), float(again.t[-1])
     where = f"{ends[0]:.6g} s in the file, {ends[1]:.6g} s now; the last sample"
     yield _unlike("t at the end", where, same, early, abs(ends[0] - ends[1]))
@@ -309,15 +298,16 @@ def _compare(record: Record, again: Record, tolerance: float) -> Iterator[Compar
     ours = {place: values[: len(rows)] for place, values in _samples(record).items()}
     theirs = {place: values[rows] for place, values in _samples(again).items()}
     loose = {"torque", *record.signals}
-    yield from _compared("", ours, theirs, tolerance, loose, record=record)
-    was, now = as_in_file(record.settings), as_in_file(again.settings)
-    yield from _compared("settings/", was, now, tolerance, one_sided=exact)
+    yield from _compared("", ours, theirs, tolerance, loose=loose, record=record)
+    settings = as_in_file(record.settings), as_in_file(again.settings)
+    yield from _compared("settings/", *settings, tolerance, one_sided=exact)
     if not early:
         slack = 0.0 if exact else _TICKS * float(record.spec["dt"])
         times = {metric.name: slack for metric in list_metrics() if metric.unit == "s"}
-        was, now = _without_timing(record.metrics), _without_timing(again.metrics)
-        loose = {name for name in was if name.startswith("torque")}
-        yield from _compared("metrics/", was, now, tolerance, loose, times, one_sided=exact)
+        metrics = _without_timing(record.metrics), _without_timing(again.metrics)
+        loose = {name for name in metrics[0] if name.startswith("torque")}
+        options: dict[str, Any] = {"loose": loose, "slack": times, "one_sided": exact}
+        yield from _compared("metrics/", *metrics, tolerance, **options)
 
 
 def _unlike(
@@ -326,19 +316,9 @@ def _unlike(
     return Compared(name, True, True) if same else Compared(name, False, allowed, difference, where)
 
 
-def _same_ticks(record: Record, again: Record) -> Index:
-    """The samples of the repetition that are the record's, as far as both go."""
-    rows = np.arange(len(record.t)) * record.decimation
-    last = len(again.t) - 1
-    if len(rows) > 1 and rows[-2] < last < rows[-1]:
-        rows[-1] = last  # decimation keeps the last one, wherever it is
-    return rows[rows <= last]
-
-
 def _samples(record: Record) -> dict[str, Array]:
-    found = {
-        place: getattr(record, field) for place, (field, *_) in places_of(vars(record)).items()
-    }
+    places = places_of(vars(record))
+    found = {place: getattr(record, field) for place, (field, *_) in places.items()}
     return _without_timing({"t": record.t, **found, **record.signals})
 
 
@@ -351,9 +331,9 @@ def _compared(
     was: Mapping[str, Any],
     now: Mapping[str, Any],
     tolerance: float,
+    *,
     loose: Collection[str] = (),
     slack: Mapping[str, float] | None = None,
-    *,
     one_sided: bool = True,
     record: Record | None = None,
 ) -> Iterator[Compared]:
@@ -369,20 +349,19 @@ def _compared(
             yield _pair(prefix + name, was[name], now[name], allowed, more, record)
         elif one_sided:
             side = "in the file only" if name in was else "in the repetition only"
-            yield Compared(prefix + name, False, False, math.nan, side)
+            yield _unlike(prefix + name, side, False)
 
 
 def _pair(
     name: str, was: Any, now: Any, tolerance: float, slack: float, record: Record | None
 ) -> Compared:
+    where = "" if record is not None else f"{was!r} in the file, {now!r} now"
     try:
         old, new = np.asarray(was, dtype=float), np.asarray(now, dtype=float)
     except (TypeError, ValueError):  # text
-        return _unlike(name, f"{was!r} in the file, {now!r} now", was == now)
+        return _unlike(name, where, was == now)
     if old.shape != new.shape:
-        shapes = f"shapes {old.shape} and {new.shape}"
-        where = shapes if record is not None else f"{was!r} in the file, {now!r} now"
-        return Compared(name, False, False, math.nan, where)
+        return _unlike(name, where or f"shapes {old.shape} and {new.shape}", False)
     same = (old.view(np.int64) == new.view(np.int64)) | (np.isnan(old) & np.isnan(new))
     if np.all(same):
         return Compared(name, True, True)
@@ -392,7 +371,6 @@ def _pair(
     largest = np.unravel_index(worst, difference.shape)
     allowed = tolerance * np.abs(old[np.isfinite(old)]).max(initial=1.0) + slack
     equal = bool(tolerance > 0.0 and difference[largest] <= allowed)  # not if it is NaN
-    where = f"{was} in the file, {now} now"
     if record is not None:
         where = f"at t = {record.t[largest[0]]:.6g} s" + _column(name, largest[1:], record)
         where += f": {old[largest]:.9g} in the file, {new[largest]:.9g} now"
@@ -402,14 +380,13 @@ def _pair(
 def _column(place: str, index: tuple[Any, ...], record: Record) -> str:
     if not index:
         return ""
-    places = places_of(vars(record))
-    axis = places[place][1] if place in places else ""
     names: dict[str, list[str]] = {
         "joint": record.joint_names,
         "velocity": record.velocity_names,
         "axis": ["x", "y", "z"],
         "error/component": error_components(record.task_error.shape[1]),
     }
+    axis = places_of(vars(record)).get(place, ("", ""))[1]
     if axis in names:
         return f", {names[axis][index[0]]}"
     return f", component {', '.join(str(int(i)) for i in index)}"

@@ -37,6 +37,7 @@ _RECORDED = (
 _RECORDED_IF_GIVEN = (
     *("task_given", "placement", "monitor", "plant_scenario", "plant_robot", "plant_inertias"),
 )
+_NONE_IF_EMPTY = ("law", "task_name", "plant")
 _LACKING: dict[str, Any] = {"task": "", "task_parameters": {}, "plant": "", "plant_masses": []}
 """Parts of a record's description that a repetition does without."""
 
@@ -128,21 +129,18 @@ class RunSpec:
     @cached_property
     def run_id(self) -> str:
         """Hash of all that the result depends on."""
-        content = {
-            key: value for key, value in self.as_dict().items() if key not in _NO_PART_OF_THE_RESULT
-        }
+        left_out = set(_NO_PART_OF_THE_RESULT)
         if self.robot.endswith(".toml") or os.sep in self.robot:
-            del content["robot"]  # wherever its file is: `robot_sha256` says what it is
+            left_out.add("robot")  # wherever its file is: `robot_sha256` says what it is
+        content = {key: value for key, value in self.as_dict().items() if key not in left_out}
         text = json.dumps(content, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def cell(self) -> Cell:
         """The unit that it is compared in."""
-        scenario: str = self.scenario["name"]
-        return Cell(
-            self.robot, self.task, scenario, self.dt, self.duration, placement=self.placement
-        )
+        name: str = self.scenario["name"]
+        return Cell(self.robot, self.task, name, self.dt, self.duration, self.placement)
 
     @property
     def record_every(self) -> int:
@@ -150,12 +148,9 @@ class RunSpec:
         return max(1, round(self.record_period / self.dt))
 
     def __str__(self) -> str:
-        cell = self.cell
-        return (
-            f"{cell.robot} · {cell.task} · {cell.scenario} · {self.label} · {cell.dt:g} s · "
-            + (f"placement {cell.placement} · " if cell.placement else "")
-            + f"seed {self.seed}"
-        )
+        cell, placed = self.cell, f"placement {self.placement} · " if self.placement else ""
+        first = f"{cell.robot} · {cell.task} · {cell.scenario} · {self.label} · {cell.dt:g} s"
+        return f"{first} · {placed}seed {self.seed}"
 
     def as_dict(self) -> dict[str, Any]:
         """The fields; those of a run that was done if they have a value."""
@@ -169,7 +164,7 @@ class RunSpec:
         return {
             **{name: getattr(self, name) for name in _RECORDED},
             **{name: value for name, value in given.items() if value},
-            **{name: getattr(self, name) or None for name in ("law", "task_name", "plant")},
+            **{name: getattr(self, name) or None for name in _NONE_IF_EMPTY},
             "robot": self.description,
             "controller": self.label,
         }
@@ -185,18 +180,14 @@ class RunSpec:
             content = {**_LACKING, **content}
             optional = [name for name in _RECORDED_IF_GIVEN if name in content]
             return cls.of_fields(
-                {
-                    **{name: content[name] for name in (*_RECORDED, *optional)},
-                    **{name: content[name] or "" for name in ("law", "task_name", "plant")},
-                    "robot": content["robot"]["name"],
-                    "description": content["robot"],
-                    "label": str(content.get("controller")),
-                }
+                {name: content[name] for name in (*_RECORDED, *optional)}
+                | {name: content[name] or "" for name in _NONE_IF_EMPTY}
+                | {"robot": content["robot"]["name"], "description": content["robot"]}
+                | {"label": str(content.get("controller"))}
             )
-        except KeyError as error:
-            raise RecordError(f"what it says of the run is not whole: no {error}") from error
-        except (TypeError, ValueError) as error:
-            raise RecordError(f"what it says of the run is not whole: {error}") from error
+        except (KeyError, TypeError, ValueError) as error:
+            no = "no " if isinstance(error, KeyError) else ""
+            raise RecordError(f"what it says of the run is not whole: {no}{error}") from error
 
     @classmethod
     def of_fields(cls, content: Mapping[str, Any]) -> Self:
@@ -208,10 +199,8 @@ class RunSpec:
         try:
             return cls(**content)
         except ValidationError as error:
-            faults = [
-                f"field {'.'.join(map(str, e['loc']))!r}: {e['msg']}" for e in error.errors()[:3]
-            ]
-            raise ValueError("; ".join(faults)) from None
+            faults = (f"field {'.'.join(map(str, e['loc']))!r}: {e['msg']}" for e in error.errors())
+            raise ValueError("; ".join(list(faults)[:3])) from None
 
 
 # Code and files as part of what a run depends on --------------------------------------------------
@@ -244,15 +233,9 @@ def _file_of(module: str) -> Path:
 
 
 def foreign_code_sha256(things: Iterable[Any]) -> str:
-    """Hash of the files that hold the sources: who edits a law wants its runs again.
-
-    Args:
-        things: Classes and functions; those of mobman, whose version says what they are, do not
-            count, nor do those without a file, made in a session or compiled.
-
-    Returns:
-        16 hexadecimal digits; empty if none counts.
-    """
+    """Hash of the files that hold the sources of classes and functions, 16 hexadecimal digits: who
+    edits a law wants its runs again. Those of mobman, whose version says what they are, do not count,
+    nor do those without a file, made in a session or compiled; empty if none counts."""
     digest, foreign = hashlib.sha256(), False
     for thing in things:
         if str(getattr(thing, "__module__", "")).startswith("mobman."):

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections import Counter
 from contextvars import ContextVar
-from functools import partial
-from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
-    BeforeValidator,
+    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_serializer,
     model_validator,
@@ -23,105 +22,88 @@ from pydantic import (
 
 from mobman.arrays import Array
 from mobman.display import Displayed, Shown, line_of
-from mobman.errors import MobmanError, SpecError
+from mobman.errors import MobmanError, SpecError, UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.actuation import ActuationChain, actuations
-from mobman.simulation.disturbances import Torque, disturbances
-from mobman.simulation.estimators import estimators
-from mobman.simulation.friction import frictions
+from mobman.simulation.disturbances import Torque, disturbances, frictions
 from mobman.simulation.inertias import inertias, true_robot
 from mobman.simulation.kinematics import Encoders, kinematics
-from mobman.simulation.pieces import Piece, Setting, Source, started
-from mobman.simulation.plant import Plant, plants
-from mobman.simulation.sensors import Measurement, pose_index, sensors
-from mobman.simulation.slip import slips
+from mobman.simulation.pieces import Piece, Setting, Types
+from mobman.simulation.plant import Plant, plants, slips
+from mobman.simulation.sensors import Measurement, estimators, pose_index, sensors
 from mobman.simulation.stops import stops
 from mobman.toml_model import Strict, describe, named_file, read_toml, validate
 
-
-class KinematicsSource(Source):
-    """A difference of the robot's dimensions."""
-
-    group, what, kinds = "kinematics", "kinematics", kinematics
-
-
-class InertiaSource(Source):
-    """A difference of the links' masses and inertias."""
-
-    group, what, kinds = "inertias", "inertia", inertias
-
-
-class FrictionSource(Source):
-    """A friction."""
-
-    group, what, kinds = "friction", "friction", frictions
-
-
-class DisturbanceSource(Source):
-    """A disturbance torque."""
-
-    group, what, kinds = "disturbances", "disturbance", disturbances
-
-
-class ActuationSource(Source):
-    """A stage between the commanded torque and the one that acts."""
-
-    group, what, kinds = "actuation", "actuation", actuations
-
-
-class SensorSource(Source):
-    """An error of the measurements."""
-
-    group, what, kinds = "sensors", "sensor", sensors
-
-
-class SlipSource(Source):
-    """A slip of the platform."""
-
-    group, what, kinds = "slip", "slip", slips
-
-
-class StopSource(Source):
-    """Stops at limits of the joints."""
-
-    group, what, kinds = "stops", "stop", stops
-
-
-class AccelerationSource(Source):
-    """An estimator of z', with its parameters."""
-
-    group, what, kinds = "acceleration", "acceleration", estimators
-
-
-class PlantSource(Source):
-    """A plant, with its parameters."""
-
-    group, what, kinds = "plant", "plant", plants
-
-
-S = TypeVar("S", bound=Source)
-
-
-def _single(kind: type[S], value: Any) -> S | str:
-    """A piece by the name of its type, if it needs no parameters, or as a table."""
-    if isinstance(value, kind):
-        return value
-    fields = {"type": value} if isinstance(value, str) else value
-    names = kind.kinds.names()
-    if not isinstance(fields, dict) or fields.get("type") not in names:
-        choices = ", ".join(map(repr, names))
-        raise ValueError(f"must be one of {choices}, or a table with such a 'type'")
-    parameters = {name: given for name, given in fields.items() if name != "type"}
-    validate(kind.kinds.get(fields["type"]), parameters, f"{kind.what} {fields['type']!r}")
-    source = kind(**fields)
-    return source if source.__pydantic_extra__ else source.type
-
-
+GROUPS: dict[str, tuple[str, Types]] = {
+    "kinematics": ("kinematics", kinematics),
+    "inertias": ("inertia", inertias),
+    "friction": ("friction", frictions),
+    "disturbances": ("disturbance", disturbances),
+    "actuation": ("actuation", actuations),
+    "sensors": ("sensor", sensors),
+    "slip": ("slip", slips),
+    "stops": ("stop", stops),
+    "acceleration": ("acceleration", estimators),
+    "plant": ("plant", plants),
+}
+"""The fields of a scenario that hold pieces: what messages call one of them, and the types."""
+MOST_PIECES = 100
+"""Pieces of one kind in a scenario."""
 Number = Annotated[float, Field(strict=True)]
 
 
-MOST_PIECES = 100
-"""Pieces of one kind in a scenario."""
+class Source(Strict):
+    """A piece as a scenario holds it: its type, and the type's own fields, which the type checks.
+
+    Fields that were left out are there with their defaults once it is read, so that a stored scenario
+    says all.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    type: str
+    group: str = Field(exclude=True)
+    """The scenario's field."""
+
+    @model_validator(mode="after")
+    def _valid(self) -> Self:
+        piece = self.resolved()  # reported when it is read, not when it is used
+        fields = self.__pydantic_extra__
+        if fields is not None:
+            fields.clear()
+            fields.update(piece.model_dump(mode="json", exclude_none=True))
+        return self
+
+    def resolved(self) -> Piece:
+        """The piece itself, of its type's class.
+
+        Raises:
+            UnknownNameError: If its type is unknown.
+            SpecError: If one of its fields is wrong.
+        """
+        what, kinds = GROUPS[self.group]
+        given = dict(self.__pydantic_extra__ or {})
+        return validate(kinds.get(self.type), given, f"{what} {self.type!r}")
+
+    def started(self, setting: Setting, position: int) -> Any:
+        """Start the piece, so many of whose group and type come before; see :class:`Piece`.
+
+        Its generator depends on the run's seed, on the group and the type, and on that number: pieces of
+        other types and groups may be added or left out without any change to the others. The setting's
+        own generator is not drawn from.
+
+        Raises:
+            SpecError: If it does not fit the robot; the message names it.
+        """
+        root: Any = setting.random.bit_generator.seed_seq
+        # the whole name, so that no two share a number
+        name = int.from_bytes(f"{self.group}/{self.type}".encode(), "little")
+        own = np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, name, position))
+        try:
+            random = np.random.default_rng(own)
+            return self.resolved().start(Setting(setting.robot, setting.dt, random))
+        except SpecError as error:
+            raise SpecError(f"{GROUPS[self.group][0]} {self.type!r}: {error}") from error
 
 
 class Scenario(Displayed, Strict):
@@ -149,30 +131,28 @@ class Scenario(Displayed, Strict):
     """True rotational inertia of every link over the nominal one; the mass factor by default."""
     payload: Number = Field(0.0, ge=0)
     """Point mass at the tip that the controller does not know (kg)."""
-    kinematics: list[KinematicsSource] = Field([], max_length=MOST_PIECES)
+    kinematics: list[Source] = Field([], max_length=MOST_PIECES)
     """Wrong dimensions: J, and N of the platform; one after the other."""
     tip: Literal["modelled", "measured"] = "modelled"
     """A law's knowledge of its tip: its model at the measured q and z, or the true tip's position and
     velocity; its Jacobian is the model's in either case."""
-    inertias: list[InertiaSource] = Field([], max_length=MOST_PIECES)
+    inertias: list[Source] = Field([], max_length=MOST_PIECES)
     """More of the kind, one after the other, before the payload."""
-    friction: list[FrictionSource] = Field([], max_length=MOST_PIECES)
+    friction: list[Source] = Field([], max_length=MOST_PIECES)
     """On the motors' axes; they add up."""
-    disturbances: list[DisturbanceSource] = Field([], max_length=MOST_PIECES)
+    disturbances: list[Source] = Field([], max_length=MOST_PIECES)
     """Torques added to the motors'; D = -B d in (17)."""
-    actuation: list[ActuationSource] = Field([], max_length=MOST_PIECES)
+    actuation: list[Source] = Field([], max_length=MOST_PIECES)
     """From the commanded torque to the one that acts, in the order of the signal."""
-    sensors: list[SensorSource] = Field([], max_length=MOST_PIECES)
+    sensors: list[Source] = Field([], max_length=MOST_PIECES)
     """Errors of q, z and z', in the order in which they happen."""
-    acceleration: Annotated[
-        str | AccelerationSource, BeforeValidator(partial(_single, AccelerationSource))
-    ] = "exact"
+    acceleration: str | Source = "exact"
     """Estimator of z': ``"exact"``, ``"backward-difference"``, or a table with a type."""
-    slip: list[SlipSource] = Field([], max_length=MOST_PIECES)
+    slip: list[Source] = Field([], max_length=MOST_PIECES)
     """Velocities of the platform's pose in addition to that of rolling; they add up."""
-    stops: list[StopSource] = Field([], max_length=MOST_PIECES)
+    stops: list[Source] = Field([], max_length=MOST_PIECES)
     """Forces that keep joints from leaving their limits; they add up."""
-    plant: Annotated[str | PlantSource, BeforeValidator(partial(_single, PlantSource))] = "ideal"
+    plant: str | Source = "ideal"
     """``"ideal"``, where wheels roll by construction, or a table with a type."""
     start_offset: Number = Field(0.0, ge=0)
     """Distance of the platform behind the start that the task is made for (m), along its heading; a
@@ -201,6 +181,31 @@ class Scenario(Displayed, Strict):
                 merged[name] = merged[name] + value if lists else value
         return {**merged, "extends": []}
 
+    @field_validator(*list(GROUPS)[:-2], mode="before")
+    @classmethod
+    def _pieces(cls, value: Any, info: ValidationInfo) -> Any:
+        own = {"group": info.field_name}
+        if not isinstance(value, (list, tuple)):
+            return value
+        return [one | own if isinstance(one, dict) else one for one in value]
+
+    @field_validator("acceleration", "plant", mode="before")
+    @classmethod
+    def _single(cls, value: Any, info: ValidationInfo) -> Source | str:
+        """A piece by the name of its type, if it needs no parameters, or as a table."""
+        if isinstance(value, Source):
+            return value
+        what, kinds = GROUPS[str(info.field_name)]
+        fields = {"type": value} if isinstance(value, str) else value
+        names = kinds.names()
+        if not isinstance(fields, dict) or fields.get("type") not in names:
+            choices = ", ".join(map(repr, names))
+            raise ValueError(f"must be one of {choices}, or a table with such a 'type'")
+        parameters = {name: given for name, given in fields.items() if name != "type"}
+        validate(kinds.get(fields["type"]), parameters, f"{what} {fields['type']!r}")
+        source = Source(**fields, group=str(info.field_name))
+        return source if source.__pydantic_extra__ else source.type
+
     @field_validator("extends")
     @classmethod
     def _loads(cls, names: list[str]) -> list[str]:
@@ -224,50 +229,46 @@ class Scenario(Displayed, Strict):
 
     def types(self) -> list[type[Piece]]:
         """The types of its pieces."""
-        lists = (
-            self.kinematics,
-            self.inertias,
-            self.friction,
-            self.disturbances,
-            self.actuation,
-            self.sensors,
-            self.slip,
-            self.stops,
-        )
-        singles = self._source(AccelerationSource, self.acceleration), self._plant
-        return [piece.kinds.get(piece.type) for piece in (*chain(*lists), *singles)]
+        every = (one for group in GROUPS for one in self._sources(group))
+        return [GROUPS[one.group][1].get(one.type) for one in every]
 
-    @staticmethod
-    def _source(kind: type[S], own: S | str) -> S:
-        return kind(type=own) if isinstance(own, str) else own
-
-    @property
-    def _plant(self) -> PlantSource:
-        return self._source(PlantSource, self.plant)
+    def _sources(self, group: str) -> list[Source]:
+        own = getattr(self, group)
+        if isinstance(own, list):
+            return own
+        return [own if isinstance(own, Source) else Source(type=own, group=group)]
 
     # Parts of a run. Each takes its setting, and raises SpecError if a piece does not fit the robot.
+
+    def _started(self, group: str, setting: Setting) -> list[Any]:
+        """The effects of the pieces of a group, without those that do nothing."""
+        counts: Counter[str] = Counter()
+        found = []
+        try:
+            for source in self._sources(group):
+                found.append(source.started(setting, counts[source.type]))
+                counts[source.type] += 1
+        except SpecError as error:
+            raise SpecError(f"scenario {self.name!r}: {error}") from error
+        return [effect for effect in found if effect is not None]
 
     def true_robot(self, setting: Setting) -> MobileManipulator:
         """The setting's robot with the true dimensions and inertias; the same object if nothing
         changes."""
         robot = setting.robot
-        for remake in self._started(self.kinematics, setting):
+        for remake in self._started("kinematics", setting):
             robot = remake(robot)
         scaled = true_robot(robot, self.mass_factor, self.inertia_factor)
         if self.inertias:
             model = scaled.model.copy()
-            for change in self._started(self.inertias, setting):
+            for change in self._started("inertias", setting):
                 change(model)
             scaled = robot.with_model(model)
         return true_robot(scaled, payload=self.payload)
 
     def start_of(self, robot: MobileManipulator, placed: Array | None = None) -> Array:
-        """The start of a run whose task is made for another (m, rad), shape (nq,).
-
-        Args:
-            robot: The robot.
-            placed: The start that the task is made for, shape (nq,); ``robot.q_rest`` by default.
-        """
+        """The start of a run whose task is made for another, ``robot.q_rest`` by default (m, rad),
+        shapes (nq,)."""
         start = np.array(robot.q_rest if placed is None else placed, dtype=float)
         if robot.platform.base_joints:
             x, y, theta = pose_index(robot)
@@ -278,54 +279,28 @@ class Scenario(Displayed, Strict):
 
     def disturbance(self, setting: Setting) -> Torque | None:
         """The sum of the disturbances; None if there are none."""
-        parts: list[Torque] = self._started(self.disturbances, setting)
-        if not parts:
-            return None
-
-        def total(t: float) -> Array:
-            torque = parts[0](t)
-            for part in parts[1:]:
-                torque = torque + part(t)
-            return torque
-
-        return total
+        parts: list[Torque] = self._started("disturbances", setting)
+        return (lambda t: sum((part(t) for part in parts[1:]), parts[0](t))) if parts else None
 
     def make_plant(self, setting: Setting, true: MobileManipulator) -> Plant:
-        """The true robot under its disturbances, its friction and its slip.
-
-        Args:
-            setting: With the nominal robot, in whose inertia relative amplitudes are measured.
-            true: The true robot.
-        """
-        (make,) = self._started([self._plant], setting)
-        plant: Plant = make(
-            true,
-            self.disturbance(setting),
-            self._started(self.friction, setting),
-            self._started(self.slip, setting),
-            self._started(self.stops, setting),
-        )
+        """The true robot under its disturbances, its friction and its slip; relative amplitudes are
+        measured in the inertia of the nominal robot, which the setting has."""
+        (make,) = self._started("plant", setting)
+        parts = (self._started(group, setting) for group in ("friction", "slip", "stops"))
+        plant: Plant = make(true, self.disturbance(setting), *parts)
         return plant
 
     def actuation_chain(self, setting: Setting) -> ActuationChain | None:
         """The stages from the commanded torque to the one that acts; None if they are the same."""
-        stages = self._started(self.actuation, setting)
+        stages = self._started("actuation", setting)
         return ActuationChain(stages, setting.dt, setting.robot.nz) if stages else None
 
     def measurement(self, setting: Setting, true: MobileManipulator | None = None) -> Measurement:
         """The measurement that the controller is given, of the true robot; by default the nominal."""
-        estimator = self._source(AccelerationSource, self.acceleration)
-        (estimate,) = self._started([estimator], setting)
-        encoders = None
+        (estimate,), encoders = self._started("acceleration", setting), None
         if true is not None and true.motors is not true.platform:  # other wheels
             encoders = Encoders(setting.robot, true, setting.dt)
-        return Measurement(estimate, self._started(self.sensors, setting), encoders)
-
-    def _started(self, sources: Sequence[Source], setting: Setting) -> list[Any]:
-        try:
-            return started(sources, setting)
-        except SpecError as error:
-            raise SpecError(f"scenario {self.name!r}: {error}") from error
+        return Measurement(estimate, self._started("sensors", setting), encoders)
 
 
 def _given(scenario: Scenario) -> dict[str, Any]:
@@ -369,27 +344,50 @@ def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
     if where in outer:
         circle = " -> ".join(some.name for some in (*outer[outer.index(where) :], where))
         raise SpecError(f"{path}: field 'extends' comes back to the file itself: {circle}")
+    if isinstance(names := content.get("extends"), list):  # files are found from its own folder
+        given = [isinstance(n, str) and n not in _files() and n.endswith(".toml") for n in names]
+        folder = path.parent
+        content["extends"] = [
+            str(folder / n) if file else n for n, file in zip(names, given, strict=True)
+        ]
     token = _loading.set((*outer, where))
     try:
-        return validate(Scenario, _with_paths(content, path.parent), str(path))
+        return validate(Scenario, content, str(path))
     finally:
         _loading.reset(token)
-
-
-def _with_paths(content: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The content with the files that it extends found from its own folder."""
-    names = content.get("extends")
-    if not isinstance(names, list):
-        return content
-    files = [
-        str(folder / name)
-        if isinstance(name, str) and name not in _files() and name.endswith(".toml")
-        else name
-        for name in names
-    ]
-    return {**content, "extends": files}
 
 
 def _files() -> dict[str, Path]:
     folder = Path(__file__).parent / "scenarios"
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+GivenPlant = MobileManipulator | Scenario | str | os.PathLike[str] | None
+
+
+def true_plant(setting: Setting, plant: GivenPlant, scenario: Scenario) -> MobileManipulator:
+    """The true robot: the setting's, or the one given to :func:`simulate`, with the masses and payload
+    of the scenario, unless ``plant`` is one.
+
+    Raises:
+        UnknownNameError: If a plant is named that is not a scenario.
+        UsageError: If it has other joints, or is nothing of the kind.
+        SpecError: If a piece of the scenario does not fit the robot.
+    """
+    base, changes = setting.robot, scenario
+    if isinstance(plant, MobileManipulator):
+        if plant.joint_names != base.joint_names:
+            raise UsageError(f"the plant {plant.name!r} has other joints than {base.name!r}")
+        base = plant
+    elif isinstance(plant, Scenario):
+        changes = plant
+    elif isinstance(plant, (str, os.PathLike)):
+        text = os.fspath(plant)
+        if text not in list_scenarios() and not text.endswith(".toml"):
+            raise UnknownNameError("plant", text, list_scenarios())
+        changes = load_scenario(text)
+    elif plant is not None:
+        raise UsageError(
+            f"plant = {plant!r}: must be a robot, a scenario, a scenario's name or its file"
+        )
+    return changes.true_robot(Setting(base, setting.dt, setting.random))

@@ -1,17 +1,25 @@
-"""Sensors: errors of the measured state, and the measurement that the controller is given."""
+"""Sensors: errors of the measured state, estimators of z', and the measurement that the controller is
+given."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import field_validator
+from pydantic import Field
 
 from mobman.arrays import Array, Index
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.estimators import Estimate
-from mobman.simulation.pieces import PACKAGE, Each, Piece, Setting, Types, entries
+from mobman.simulation.pieces import Each, Piece, Setting, checked, entries, types_of
+
+Estimate = Callable[[Array, Array], Array]
+"""z' at a tick, a new array, from the measured z and the true z' under the torque held until now, shapes
+(nz,); called once at every tick."""
+
+estimators = types_of("acceleration estimator", "mobman.acceleration")
+"""Types of estimators; each starts as an :data:`Estimate`."""
 
 
 class Sensor:
@@ -24,7 +32,7 @@ class Sensor:
         """Change z', shape (nz,), in place; after :meth:`state`."""
 
 
-sensors = Types("sensor type", PACKAGE, "mobman.sensors")
+sensors = types_of("sensor type", "mobman.sensors")
 """Types of errors; each starts as a :class:`Sensor`, or None."""
 
 
@@ -46,13 +54,8 @@ class Measurement:
         self._estimate, self._sensors, self._encoders = estimate, sensors, encoders
 
     def take(self, q: Array, z: Array, z_dot: Array) -> tuple[Array, Array, Array]:
-        """The measured ones, new arrays; to be called once at every tick.
-
-        Args:
-            q: The true configuration, shape (nq,).
-            z: The true reduced velocity, shape (nz,).
-            z_dot: The true z' under the torque held until now, shape (nz,).
-        """
+        """The measured ones, new arrays, of the true q, z and z' under the torque held until now, shapes
+        (nq,), (nz,), (nz,); to be called once at every tick."""
         if self._encoders is not None:
             z, z_dot = self._encoders(q, z, z_dot)
         q_now, z_now = q.copy(), z.copy()
@@ -64,27 +67,25 @@ class Measurement:
         return q_now, z_now, acceleration
 
 
+# Errors -----------------------------------------------------------------------------------------------
+
+_Deviation = Annotated[Each, checked("a standard deviation must not be negative", zero=True)]
+_Resolution = Annotated[Each, checked("a resolution must not be negative", zero=True)]
+
+
 class WhiteNoise(Piece):
     """White Gaussian noise, new at every tick; each field is a standard deviation."""
 
-    position: Each = 0.0
+    position: _Deviation = 0.0
     """Deviation at the joints and wheels (rad, m): a number for all, or a list for all of q."""
-    pose: Each = 0.0
+    pose: _Deviation = 0.0
     """Deviation of the platform's pose (m, m, rad), where ``position`` is no list."""
-    velocity: Each = 0.0
+    velocity: _Deviation = 0.0
     """Deviation of z."""
-    acceleration: Each = 0.0
+    acceleration: _Deviation = 0.0
     """Deviation of z', in addition to what the noise of z does to a z' that is computed from it."""
 
-    @field_validator("*")
-    @classmethod
-    def _deviation(cls, value: Any) -> Any:
-        if np.min(value) < 0.0:
-            raise ValueError("a standard deviation must not be negative")
-        return value
-
     def start(self, setting: Setting) -> Sensor | None:
-        """See :class:`Piece`."""
         names = list(setting.robot.velocity_names)
         deviations = (
             _of_coordinates(setting.robot, self.position, self.pose, "position"),
@@ -115,48 +116,36 @@ class _Noisy(Sensor):
 class Quantisation(Piece):
     """q is rounded to the nearest multiple of a resolution; z may be what its differences tell."""
 
-    resolution: Each
+    resolution: _Resolution
     """Resolution of joints and wheels (rad, m): a number for all, or a list for all of q."""
-    pose: Each = 0.0
+    pose: _Resolution = 0.0
     """Resolution of the platform's pose (m, m, rad), where ``resolution`` is no list; 0: not rounded."""
     velocity: Literal["measured", "difference"] = "measured"
     """z is measured by itself, or is (q_k - q_(k-1))/dt of the rounded q, as z."""
 
-    @field_validator("resolution", "pose")
-    @classmethod
-    def _resolution(cls, value: Any) -> Any:
-        if np.min(value) < 0.0:
-            raise ValueError("a resolution must not be negative")
-        return value
-
     def start(self, setting: Setting) -> Sensor | None:
-        """See :class:`Piece`."""
-        resolution = _of_coordinates(setting.robot, self.resolution, self.pose, "resolution")
-        difference = self.velocity == "difference"
-        if not resolution.any() and not difference:
-            return None
-        return _Encoders(setting.robot, resolution, setting.dt if difference else None)
+        robot, dt = setting.robot, setting.dt if self.velocity == "difference" else None
+        resolution = _of_coordinates(robot, self.resolution, self.pose, "resolution")
+        return _Quantised(robot, resolution, dt) if resolution.any() or dt is not None else None
 
 
-class _Encoders(Sensor):
+class _Quantised(Sensor):
     def __init__(self, robot: MobileManipulator, resolution: Array, dt: float | None) -> None:
         self._rounded = np.flatnonzero(resolution)
         self._resolution = resolution[self._rounded]
-        self._robot, self._dt = robot, dt
+        self._robot, self._dt, self._telling = robot, dt, telling_rows(robot)
         self._last: Array | None = None
-        self._telling = telling_rows(robot)
 
     def state(self, q: Array, z: Array) -> None:
         q[self._rounded] = self._resolution * np.round(q[self._rounded] / self._resolution)
         if self._dt is None:
             return
-        rows = self._telling
-        if self._last is None:
+        rows, last, self._last = self._telling, self._last, q.copy()
+        if last is None:
             z[:] = 0.0  # runs start at rest
         else:
             c = self._robot.velocity_map(q)[rows]
-            z[:] = np.linalg.lstsq(c, (q - self._last)[rows] / self._dt, rcond=None)[0]
-        self._last = q.copy()
+            z[:] = np.linalg.lstsq(c, (q - last)[rows] / self._dt, rcond=None)[0]
 
 
 def telling_rows(robot: MobileManipulator) -> Index:
@@ -176,18 +165,8 @@ def pose_index(robot: MobileManipulator) -> list[int]:
 def _of_coordinates(
     robot: MobileManipulator, encoders: float | list[float], pose: float | list[float], field: str
 ) -> Array:
-    """A number for each coordinate, shape (nq,).
-
-    Args:
-        robot: The robot.
-        encoders: For joints and wheels: a number for all, or a list in q's order.
-        pose: For the platform's pose, which no encoder measures: a number for all three or a list. A
-            list for all of q says this already.
-        field: The field of ``encoders``, for messages.
-
-    Raises:
-        SpecError: If a list has another length.
-    """
+    """A number for each coordinate, shape (nq,): ``field``'s for joints and wheels, and another for the
+    pose, which no encoder measures, unless a list for all of q says this already."""
     values = entries(encoders, robot.joint_names, field, "coordinates")
     index = pose_index(robot)
     if index and not isinstance(encoders, list):
@@ -197,3 +176,95 @@ def _of_coordinates(
 
 sensors.register("noise", WhiteNoise)
 sensors.register("quantisation", Quantisation)
+
+
+# Estimators of z' -------------------------------------------------------------------------------------
+
+
+class Exact(Piece):
+    """The true z' under the torque held until now: what an ideal sensor shows."""
+
+    def start(self, setting: Setting) -> Estimate:
+        return lambda z, true: true.copy()
+
+
+class BackwardDifference(Piece):
+    """(z_k - z_(k-1))/dt, 0 at the first tick."""
+
+    def start(self, setting: Setting) -> Estimate:
+        dt = setting.dt
+        last: Array | None = None
+
+        def difference(z: Array, true: Array) -> Array:
+            nonlocal last
+            before, last = last, z.copy()
+            return np.zeros_like(z) if before is None else (z - before) / dt
+
+        return difference
+
+
+class FilteredDifference(Piece):
+    """The backward difference behind a first-order low pass, sampled with its step response exact."""
+
+    cutoff: float = Field(gt=0)
+    """Frequency at which its gain is 1/sqrt(2) (Hz)."""
+
+    def start(self, setting: Setting) -> Estimate:
+        difference = BackwardDifference().start(setting)
+        gain = -math.expm1(-2.0 * math.pi * self.cutoff * setting.dt)
+        value: Array | float = 0.0
+
+        def filtered(z: Array, true: Array) -> Array:
+            nonlocal value
+            value = value + gain * (difference(z, true) - value)
+            return value.copy()
+
+        return filtered
+
+
+class RobustDifferentiator(Piece):
+    r"""The first-order robust exact differentiator of each component of z.
+
+    A. Levant, "Robust exact differentiation via sliding mode technique", Automatica 34(3), 1998:
+    with :math:`\sigma = \zeta_0 - z`,
+    :math:`\dot\zeta_0 = \zeta_1 - 1.5 \sqrt L\,|\sigma|^{1/2} \mathrm{sign}\,\sigma`,
+    :math:`\dot\zeta_1 = -1.1 L\,\mathrm{sign}\,\sigma`; exact after a finite time if
+    :math:`|\ddot z| \le L`, with an error of the order of :math:`\sqrt{L\varepsilon}` under noise
+    below :math:`\varepsilon`. The discrete one is its implicit Euler form, which does not chatter
+    (B. Brogliato, A. Polyakov, D. Efimov, "The implicit discretization of the supertwisting
+    sliding-mode control algorithm", IEEE Trans. Automatic Control 65(8), 2020): on the sliding surface
+    it is the backward difference, and off it, its value changes by 1.1 L dt in a tick.
+    """
+
+    lipschitz: Annotated[Each, checked("a bound must be above 0")]
+    """L, a bound of |z''| (rad/s^3, m/s^3): a number for all, or one for each component of z."""
+
+    def start(self, setting: Setting) -> Estimate:
+        """See :class:`Piece`; 0 at the first tick, where it begins at the measurement."""
+        names = list(setting.robot.velocity_names)
+        bound, dt = entries(self.lipschitz, names, "lipschitz", "velocities"), setting.dt
+        root, step = 1.5 * dt * np.sqrt(bound), 1.1 * dt * bound
+        value: Array | None = None
+        rate = np.zeros_like(bound)
+
+        def levant(z: Array, true: Array) -> Array:
+            nonlocal value, rate
+            if value is None:
+                value = z.copy()
+                return rate.copy()
+            # sigma = b - root |sigma|^(1/2) n - dt step n with n in the sign of sigma, solved for
+            # sigma and n
+            b = value + dt * rate - z
+            beyond = np.maximum(np.abs(b) - dt * step, 0.0)
+            half = 0.5 * (np.sqrt(root**2 + 4.0 * beyond) - root)
+            value = z + np.sign(b) * half**2
+            rate = rate - step * np.clip(b / (dt * step), -1.0, 1.0)
+            return rate.copy()
+
+        return levant
+
+
+estimators.register("exact", Exact)
+estimators.register("backward-difference", BackwardDifference)
+estimators.register("filtered-difference", FilteredDifference)
+estimators.register("robust-differentiator", RobustDifferentiator)

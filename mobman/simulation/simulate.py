@@ -14,27 +14,23 @@ import numpy as np
 from mobman.arrays import LARGEST, SMALLEST, Array
 from mobman.compiled import worth_joining
 from mobman.controllers.protocol import Controller, make_controller
-from mobman.errors import UnknownNameError, UsageError
+from mobman.errors import UsageError
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.task_map import TaskMap
 from mobman.provenance import versions
 from mobman.simulation.loop import Loop, Observer
 from mobman.simulation.metrics import Run, compute_metrics
 from mobman.simulation.monitors import monitors, require_monitored
-from mobman.simulation.parts import GivenPlant, describe_run, urdfs_of_run
-from mobman.simulation.pieces import Setting
+from mobman.simulation.parts import describe_run, urdfs_of_run
 from mobman.simulation.record import Record
 from mobman.simulation.record_file import APPLIED
 from mobman.simulation.run_spec import RunSpec
-from mobman.simulation.scenario import Scenario, list_scenarios, load_scenario
+from mobman.simulation.scenario import GivenPlant, Scenario, load_scenario
 from mobman.simulation.singularity import verdict
-from mobman.tasks.task import Task, make_task, task_map_of
+from mobman.tasks.task import Task, make_task
 
 _MOST_TICKS = 10_000_000  # a run keeps some 50 numbers of 8 bytes a tick: 4 GB
 _LONGEST = 1e6  # s: in integration steps of at most 1 ms some hours of computing
-
-
 _MANY_TICKS = 2000  # a run from which compiling its kernels together pays
 
 
@@ -93,79 +89,44 @@ def simulate(
     """
     if not isinstance(robot, MobileManipulator):
         robot = load_robot(robot)
-    law = _controller(controller)
+    law = make_controller(controller) if isinstance(controller, str) else controller
+    if isinstance(law, type) or not isinstance(law, Controller):
+        raise UsageError(
+            f"{law!r} is not a controller: expected methods reset(robot, task, dt) and "
+            "step(t, q, z, z_dot) -> torque"
+        )
     if monitor:
         require_monitored(law)
     duration, dt = seconds("duration", duration), seconds("dt", dt)
     ticks = whole_ticks(duration, dt)
     stride = max(1, round(seconds("observe_every", observe_every) / dt))
-    seed = _seed(seed)
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+        raise UsageError(f"seed = {seed!r}: must be a whole number from 0 to 2^63 - 1")
     for name, function in (("observe", observe), ("progress", progress)):
         if function is not None and not callable(function):
             raise UsageError(f"{name} = {function!r}: expected a function")
     given = robot.q_rest if q0 is None else robot.checked_configuration(q0)
     aim = make_task(task, robot, given) if isinstance(task, str) else task
-    differences = _scenario(scenario)
-    start = differences.start_of(robot) if q0 is None else given
+    if scenario is not None and not isinstance(scenario, (Scenario, str, os.PathLike)):
+        raise UsageError(f"scenario = {scenario!r}: must be a scenario, its name or its file")
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario("nominal" if scenario is None else scenario)
+    start = scenario.start_of(robot) if q0 is None else given
+    numbers: dict[str, Any] = {"q0": start, "dt": dt, "seed": int(seed), "monitor": monitor}
     with worth_joining(ticks >= _MANY_TICKS):
-        loop = closed_loop(
-            *(robot, law, aim, differences, plant),
-            q0=start,
-            ticks=ticks,
-            dt=dt,
-            seed=seed,
-            progress=progress,
-            observe=observe,
-            stride=stride,
-            monitor=monitor,
-        )
+        watching: dict[str, Any] = {"progress": progress, "observe": observe, "stride": stride}
+        loop = Loop(robot, law, aim, scenario, plant, ticks=ticks, **watching, **numbers)
         loop.run()
     run = describe_run(
         robot=robot,
         controller=(controller, law),
         task=(task, aim),
         plant=(plant, loop.plant.robot),
-        scenario=differences,
+        scenario=scenario,
         duration=duration,
-        dt=dt,
-        q0=start,
-        seed=seed,
-        monitor=monitor,
+        **numbers,
     )
     return _record(loop, run, urdfs_of_run(robot, plant))
-
-
-def closed_loop(
-    robot: MobileManipulator,
-    controller: Controller,
-    task: Task,
-    scenario: Scenario,
-    plant: GivenPlant = None,
-    *,
-    dt: float,
-    seed: int,
-    **others: Any,
-) -> Loop:
-    """The closed loop that a run is, before it runs: of what :func:`simulate` is given, each an object,
-    and of what else :class:`Loop` takes.
-
-    Raises:
-        UsageError: If a part does not fit the robot.
-    """
-    setting = Setting(robot, dt, np.random.default_rng(seed))
-    true = true_plant(setting, plant, scenario)
-    return Loop(
-        robot=robot,
-        controller=controller,
-        task=task,
-        task_map=_task_map(task, robot),
-        plant=scenario.make_plant(setting, true),
-        measurement=scenario.measurement(setting, true),
-        tip_measured=scenario.tip == "measured",
-        actuation=scenario.actuation_chain(setting),
-        dt=dt,
-        **others,
-    )
 
 
 def seconds(name: str, value: float) -> float:
@@ -202,142 +163,61 @@ def whole_ticks(duration: float, dt: float) -> int:
     return ticks
 
 
-def true_plant(setting: Setting, plant: GivenPlant, scenario: Scenario) -> MobileManipulator:
-    """The true robot: the nominal one, or the one given, with the scenario's masses and payload.
-
-    Args:
-        setting: With the nominal robot.
-        plant: As given to :func:`simulate`.
-        scenario: Gives the masses and payload, unless ``plant`` is a scenario.
-
-    Raises:
-        UnknownNameError: If a plant is named that is not a scenario.
-        UsageError: If it has other joints, or is nothing of the kind.
-        SpecError: If a piece of the scenario does not fit the robot.
-    """
-    base, changes = setting.robot, scenario
-    if isinstance(plant, MobileManipulator):
-        if plant.joint_names != base.joint_names:
-            raise UsageError(f"the plant {plant.name!r} has other joints than {base.name!r}")
-        base = plant
-    elif isinstance(plant, Scenario):
-        changes = plant
-    elif isinstance(plant, (str, os.PathLike)):
-        text = os.fspath(plant)
-        if text not in list_scenarios() and not text.endswith(".toml"):
-            raise UnknownNameError("plant", text, list_scenarios())
-        changes = load_scenario(text)
-    elif plant is not None:
-        raise UsageError(
-            f"plant = {plant!r}: must be a robot, a scenario, a scenario's name or its file"
-        )
-    return changes.true_robot(Setting(base, setting.dt, setting.random))
-
-
-def _seed(seed: int) -> int:
-    """A seed as a plain int.
-
-    Raises:
-        UsageError: If it is not a whole number from 0 to 2^63 - 1.
-    """
-    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
-        raise UsageError(f"seed = {seed!r}: must be a whole number from 0 to 2^63 - 1")
-    return int(seed)
-
-
-def _controller(controller: Controller | str) -> Controller:
-    """A controller by name, with default gains, or as it is.
-
-    Raises:
-        UnknownNameError: If there is no such name.
-        UsageError: If it is neither a name nor a controller.
-    """
-    if isinstance(controller, str):
-        return make_controller(controller)
-    if isinstance(controller, type) or not isinstance(controller, Controller):
-        raise UsageError(
-            f"{controller!r} is not a controller: expected methods reset(robot, task, dt) and "
-            "step(t, q, z, z_dot) -> torque"
-        )
-    return controller
-
-
-def _scenario(scenario: Scenario | str | os.PathLike[str] | None) -> Scenario:
-    """A scenario from whatever form the user has it in; the nominal one by default.
-
-    Raises:
-        UnknownNameError: If there is no such name.
-        UsageError: If it is neither a scenario nor a name.
-    """
-    if isinstance(scenario, Scenario):
-        return scenario
-    if scenario is not None and not isinstance(scenario, (str, os.PathLike)):
-        raise UsageError(f"scenario = {scenario!r}: must be a scenario, its name or its file")
-    return load_scenario("nominal" if scenario is None else scenario)
-
-
-def _task_map(task: Task, robot: MobileManipulator) -> TaskMap:
-    """The task map of a task that the robot has enough degrees of freedom for.
-
-    Raises:
-        UsageError: If it has not, or the task gives no such vectors.
-    """
-    task_map = task_map_of(task)
-    if robot.nz < task_map.m:
-        raise UsageError(
-            f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {task_map.m}"
-            + ("; a task of position has 3" if task_map.m > 3 else "")
-        )
-    return task_map
-
-
 def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
     """The record of a run that is over."""
     samples, controller, robot = loop.samples, loop.controller, loop.robot
-    done = _run_of(loop)
-    n = samples.count
-    status, message = samples.status, samples.message
+    kept, status, message = samples.filled(), samples.status, samples.message
+    orientation_error, torque = kept.pop("orientation_error"), kept.pop("torque")
+    kept.pop("applied", None)
+    tip = {name: kept.pop(name) for name in list(kept) if name.startswith("tip_")}
+    error = tip["tip_position"] - tip["tip_desired"]
+    if len(tip["tip_orientation"]):
+        error = np.hstack([error, orientation_error])
+    else:
+        tip |= {"tip_orientation": None, "tip_desired_orientation": None}
+    signals = {name: values[: samples.count] for name, values in samples.signals.items()}
+    own = {name: getattr(loop, name) for name in ("dt", "robot", "task", "task_map", "criterion")}
+    done = Run(
+        **kept,
+        **own,
+        completed=status == "ok",
+        duration=loop.ticks * loop.dt,
+        t=np.arange(samples.count, dtype=float) * float(loop.dt),
+        torque=torque if samples.applied is None else samples.applied[: samples.count],
+        task_error=error,
+        work=samples.work,
+        constraint_residual=float(loop.constraint_residual[0]),
+        plant=loop.plant.robot,
+        desired=tip["tip_desired"],
+        ground={name: signals[name] for name in loop.plant.signals() if name in signals},
+    )
     singularity: dict[str, Any] = {}
     if not done.completed:
-        extended = bool(getattr(controller, "extended", False))
-        found = verdict(done, extended, samples.error)
+        found = verdict(done, bool(getattr(controller, "extended", False)), samples.error)
         status = "singular" if found else "diverged"
         if found:
             message = "; ".join(filter(None, (message, str(found))))
             singularity = found.as_recorded()
     settings: dict[str, Any] = getattr(controller, "settings", dict)()
-    signals = {name: values[:n] for name, values in samples.signals.items()}
     if samples.applied is not None:
         signals[APPLIED] = done.torque
     if run.monitor:
-        own = {name: values for name, values in signals.items() if name.startswith("sliding/")}
-        own |= monitors(done, controller, own, samples.torque[:n])
-        done = replace(done, monitors=own)
-        signals |= own
+        seen = {name: values for name, values in signals.items() if name.startswith("sliding/")}
+        seen |= monitors(done, controller, seen, torque)
+        done, signals = replace(done, monitors=seen), signals | seen
+    sampled = ("t", "q", "z", "task_error", "auxiliary_error", "compute_time")
     return Record(
-        t=done.t,
-        q=done.q,
-        z=done.z,
-        torque=samples.torque[:n],
-        tip_position=samples.tip[:n],
-        tip_desired=samples.desired[:n],
-        tip_orientation=samples.orientation[:n] if len(samples.orientation) else None,
-        tip_desired_orientation=samples.desired_orientation[:n]
-        if len(samples.orientation)
-        else None,
-        task_error=done.task_error,
-        auxiliary_error=done.auxiliary_error,
-        compute_time=done.compute_time,
+        **{name: getattr(done, name) for name in sampled},
+        **{name: getattr(run, name) for name in ("robot", "task", "seed")},
+        **tip,
+        torque=torque,
         signals=signals,
         metrics=compute_metrics(done),
         status=status,
         message=message,
         singularity=singularity,
-        robot=run.robot,
         controller=run.label,
-        task=run.task,
         scenario=run.scenario["name"],
-        seed=run.seed,
         spec=run.as_recorded(),
         settings=settings,
         versions=versions(),
@@ -346,36 +226,4 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
         joint_names=list(robot.joint_names),
         velocity_names=list(robot.velocity_names),
         urdf=urdf,
-    )
-
-
-def _run_of(loop: Loop) -> Run:
-    """The run as metrics see it."""
-    samples = loop.samples
-    n = samples.count
-    error = samples.tip[:n] - samples.desired[:n]
-    if len(samples.orientation):
-        error = np.hstack([error, samples.orientation_error[:n]])
-    return Run(
-        completed=samples.status == "ok",
-        duration=loop.ticks * loop.dt,
-        dt=loop.dt,
-        t=np.arange(n, dtype=float) * float(loop.dt),
-        q=samples.q[:n],
-        z=samples.z[:n],
-        torque=(samples.torque if samples.applied is None else samples.applied)[:n],
-        task_error=error,
-        auxiliary_error=samples.auxiliary[:n],
-        compute_time=samples.compute_time[:n],
-        work=samples.work,
-        constraint_residual=loop.constraint_residual,
-        robot=loop.robot,
-        plant=loop.plant.robot,
-        task=loop.task,
-        task_map=loop.task_map,
-        criterion=loop.criterion,
-        limited=None if samples.limited is None else samples.limited[:n],
-        velocity_ratio=samples.velocity_ratio[:n],
-        desired=samples.desired[:n],
-        ground={name: samples.signals[name][:n] for name in loop.plant.signals()},
     )

@@ -8,6 +8,7 @@ by more in a tick than sampling resolves.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,9 +52,8 @@ class Singularity:
     """Distance inside them (rad, m); negative: beyond."""
 
     def __str__(self) -> str:
-        found = ""
-        if self.matrix and not math.isnan(self.sigma_min):
-            found = f"sigma_min({self.matrix}) = {self.sigma_min:.2g}"
+        known = self.matrix and not math.isnan(self.sigma_min)
+        found = f"sigma_min({self.matrix}) = {self.sigma_min:.2g}" if known else ""
         if self.sigma_min < self.bound:
             found += f", below its bound {self.bound:.2g} from t = {self.time:.6g} s on"
         if self.joint:
@@ -64,18 +64,15 @@ class Singularity:
 
     def as_recorded(self) -> dict[str, Any]:
         """The fields that are known."""
-        return {
-            name: value
-            for name, value in vars(self).items()
-            if value != "" and not (isinstance(value, float) and math.isnan(value))
-        }
+        known = {name: value for name, value in vars(self).items() if value != ""}
+        return {name: value for name, value in known.items() if value == value}  # not NaN
 
 
 class Jacobians:
     """J and J_e of a robot and its task at configurations that follow each other."""
 
     def __init__(self, robot: MobileManipulator, task: Task, criterion: Criterion) -> None:
-        self.m = task_map_of(task).m
+        self.robot, self.m = robot, task_map_of(task).m
         self.extended = ExtendedJacobian(robot, task_map_of(task), criterion)
         self._of = robot, task, criterion
 
@@ -83,19 +80,13 @@ class Jacobians:
     def bounds(self) -> dict[str, float]:
         """The roots of the bounds of (22) that ``a = "auto"`` takes; sampling takes 50 ms."""
         robot, task, criterion = self._of
-        bounds = {
-            "J": jacobian_bound(robot, task, TaskSpace(robot, task, criterion)),
-            "J_e": jacobian_bound(robot, task, TaskSpace(robot, task)),
-        }
-        return {name: math.sqrt(value) for name, value in bounds.items()}
+        spaces = {"J": TaskSpace(robot, task, criterion), "J_e": TaskSpace(robot, task)}
+        return {name: math.sqrt(jacobian_bound(robot, task, own)) for name, own in spaces.items()}
 
     def sigmas(self) -> dict[str, float]:
         """Least singular values."""
-        J = self.extended.J
-        parts = {"J_e": J[: self.m], "J": J}
-        return {
-            name: float(np.linalg.svd(part, compute_uv=False)[-1]) for name, part in parts.items()
-        }
+        parts = {"J_e": self.extended.J[: self.m], "J": self.extended.J}
+        return {name: float(np.linalg.svd(J, compute_uv=False)[-1]) for name, J in parts.items()}
 
     def stiffness(self) -> float:
         """Least eigenvalue of N (H + D) N^T, symmetrised, on the motions that leave the tip at rest; inf
@@ -119,45 +110,36 @@ class Jacobians:
 
 
 def verdict(run: Run, extended: bool, error: SingularityError | None) -> Singularity | None:
-    """The singularity that ended a run, or None if it ran away for another reason.
-
-    Args:
-        run: The run, which ended early.
-        extended: Whether its law drives the extended task of (13), or the tip alone.
-        error: What the law or the plant raised, if it did.
-    """
-    last = len(run.t) - 1
-    left = left_its_task(run)
-    joint, margin = nearest_limit(run.robot, run.q[left])
+    """The singularity that ended a run early, or None if it ran away for another reason; whether its law
+    drives the extended task of (13) or the tip alone, and what it or the plant raised, if it did."""
+    last, left = len(run.t) - 1, left_its_task(run)
+    where = nearest_limit(run.robot, run.q[left])
     if error is not None and error.matrix in ("M", "B"):
         robot = run.plant if error.matrix == "M" else run.robot
         matrix = getattr(robot.dynamics(run.q[last], run.z[last]), error.matrix)
         sigma = float(np.linalg.svd(matrix, compute_uv=False)[-1])
-        found = Singularity(error.matrix, run.t[last], sigma, math.nan, joint, margin)
+        found = Singularity(error.matrix, run.t[last], sigma, math.nan, *where)
         return found if left == last else None
     first = max(0, left - round(_AFTERMATH / run.dt))
-    try:
+    with contextlib.suppress(MobmanError):  # a task whose points cannot be sampled
         jacobians = Jacobians(run.robot, run.task, run.criterion)
-    except MobmanError:  # a task whose points cannot be sampled
-        jacobians = None
-    if jacobians is not None:
         values, signs = _along(jacobians, run.q[first : left + 1])
         for name in ("J_e", "J") if extended else ("J_e",):
-            low = set(np.flatnonzero(~(values[name] >= jacobians.bounds[name])).tolist())
-            folds = set(np.flatnonzero(np.diff(signs)).tolist()) if name == "J" else set()
-            if low | folds:
-                begin = min(low | folds)
+            low = ~(values[name] >= jacobians.bounds[name])
+            folds = np.append(np.diff(signs) != 0.0, False) & (name == "J")
+            if (low | folds).any():
+                begin = int(np.argmax(low | folds))
                 return Singularity(
                     # j of (11) loses its rank where J_e does
                     error.matrix if error is not None and error.matrix else name,
                     float(run.t[first + begin]),
-                    0.0 if folds else float(values[name].min()),
+                    0.0 if folds.any() else float(values[name].min()),
                     jacobians.bounds[name],
                     *nearest_limit(run.robot, run.q[first + begin]),
                 )
     if error is None or left < last:
         return None
-    return Singularity(error.matrix, float(run.t[last]), math.nan, math.nan, joint, margin)
+    return Singularity(error.matrix, float(run.t[last]), math.nan, math.nan, *where)
 
 
 def _along(jacobians: Jacobians, states: Array) -> tuple[dict[str, Array], Array]:
@@ -167,12 +149,11 @@ def _along(jacobians: Jacobians, states: Array) -> tuple[dict[str, Array], Array
     for q in states:
         try:
             jacobians.extended.at(q, np.zeros(len(jacobians.extended.f)))
+            rows.append(jacobians.sigmas())
+            signs.append(jacobians.sign())
         except SingularityError:
             rows.append({"J_e": 0.0, "J": 0.0})
             signs.append(signs[-1] if signs else 1.0)
-        else:
-            rows.append(jacobians.sigmas())
-            signs.append(jacobians.sign())
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}, np.array(signs)
 
 
@@ -180,10 +161,9 @@ def left_its_task(run: Run) -> int:
     """The last tick at which a run that ended early was still what its law made of it: not yet
     farther from its task than twice the start and than a share of the arm's reach, for good, nor so
     fast that a tick does not resolve it."""
-    try:
+    near = 0.0
+    with contextlib.suppress(MobmanError):
         near = _ON_TASK * place_of(run.robot, run.q[0]).reach
-    except MobmanError:
-        near = 0.0
     distance = run.task_distance
     inside = np.flatnonzero(distance <= max(_FARTHER * float(distance[0]), near))
     on_task = int(inside[-1]) if len(inside) else 0
@@ -220,8 +200,8 @@ _BETWEEN = 0.1  # s: at which singular values are kept
 
 
 @dataclass(frozen=True)
-class FollowedPath:
-    """The motion of a robot that follows its task exactly, with f_a = 0."""
+class Prediction:
+    """The motion of a robot that follows its task exactly, with f_a = 0, and what ends it."""
 
     t: Array
     """Times (s), shape (N,)."""
@@ -235,18 +215,17 @@ class FollowedPath:
     """Least eigenvalue of N (H + D) N^T at them, shape (N,): above 0 where f_a = 0 is a minimum of F."""
     ended: bool
     """True if it ends early: the solution of the extended task folds back, or j loses its rank."""
+    jacobians: Jacobians
 
-
-@dataclass(frozen=True)
-class Prediction(FollowedPath):
-    """A motion that follows a task, and what ends it."""
-
-    singular: Singularity | None
-    """Time and cause where the motion ends early."""
-    bound: float
-    """That of ``sigma``: the root of the bound of (22) that ``a = "auto"`` takes."""
-    bound_tip: float
-    """The same of ``sigma_tip``."""
+    @cached_property
+    def singular(self) -> Singularity | None:
+        """Time and cause where the motion ends early."""
+        if not self.ended:
+            return None
+        bounds, tip = self.jacobians.bounds, float(self.sigma_tip[-1])
+        name, sigma = ("J_e", tip) if tip < bounds["J_e"] else ("J", 0.0)
+        where = nearest_limit(self.jacobians.robot, self.q[-1])
+        return Singularity(name, float(self.t[-1]), sigma, bounds[name], *where)
 
 
 def predict_singularity(
@@ -256,45 +235,16 @@ def predict_singularity(
     duration: float,
     q0: Array | None = None,
     criterion: Criterion | None = None,
-) -> Prediction:
-    """Predict whether a law on the extended task (13) ends in a singularity.
-
-    Args:
-        robot: The robot.
-        task: The task.
-        duration: How far to look (s).
-        q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
-        criterion: F; by default that of the laws, with the task's weights or the robot's.
-    """
-    criterion = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
-    motion = follow(robot, task, duration=duration, q0=q0, criterion=criterion)
-    bounds, tip = Jacobians(robot, task, criterion).bounds, float(motion.sigma_tip[-1])
-    found = None
-    if motion.ended:
-        name, sigma = ("J_e", tip) if tip < bounds["J_e"] else ("J", 0.0)
-        where = nearest_limit(robot, motion.q[-1])
-        found = Singularity(name, float(motion.t[-1]), sigma, bounds[name], *where)
-    return Prediction(**vars(motion), singular=found, bound=bounds["J"], bound_tip=bounds["J_e"])
-
-
-def follow(
-    robot: MobileManipulator,
-    task: Task,
-    *,
-    duration: float,
-    q0: Array | None = None,
-    criterion: Criterion | None = None,
     step: float = _STEP,
-) -> FollowedPath:
-    r"""Follow a task without any dynamics.
+) -> Prediction:
+    r"""Predict whether a law on the extended task (13) ends in a singularity, without any dynamics.
 
     :math:`\dot q = C J^{-1}(\dot p_d - \kappa e)` is integrated by the midpoint rule, at most 0.05 rad
     a step, as laws move that hold e = 0 from some seconds on, at a hundredth of a simulation's cost. It
     ends where the determinant of J changes its sign, or no step is small enough.
 
     Args:
-        robot: The robot.
-        task: The task.
+        robot, task: As of :func:`mobman.simulate`, each an object.
         duration: How far to look (s).
         q0: Start (m, rad), shape (nq,); ``robot.q_rest`` by default.
         criterion: F; by default that of the laws, with the task's weights or the robot's.
@@ -330,4 +280,4 @@ def follow(
             rows.append((t, q, 0.0, 0.0, 0.0))
             ended = True
     times, states, tip, both, stiffness = map(np.array, zip(*rows, strict=True))
-    return FollowedPath(times, states, tip, both, stiffness, ended)
+    return Prediction(times, states, tip, both, stiffness, ended, jacobians)

@@ -13,36 +13,33 @@ from mobman.compiled import bind, kernel
 from mobman.linalg import apply_transpose, solve
 from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.simulation.pieces import PACKAGE, Piece, Setting, Types
+from mobman.simulation.pieces import Piece, Setting, types_of
 
 _SAMPLES = 64
 _FINE = 0.5  # of a stop's own time constant: an integration step in contact
 _FASTEST = 3000.0  # rad/s: a stop that swings faster would take steps of a few microseconds
 
-stops = Types("stop type", PACKAGE)
+stops = types_of("stop type")
 """Types of stops; each starts as a :class:`Contact`, or None."""
 
 
 class Contact(NamedTuple):
-    """Stops of one run, on the coordinates q."""
+    """Stops of one run, on the coordinates q: their places (rad, m), -inf and inf where there is none,
+    stiffness (N m/rad, N/m) and damping (N m s/rad, N s/m), shapes (nq,), and the longest integration
+    step while a coordinate is beyond (s)."""
 
     lower: Array
-    """Their places (rad, m), shape (nq,); -inf and inf where there is none."""
     upper: Array
     stiffness: Array
-    """N m/rad, N/m; shape (nq,)."""
     damping: Array
-    """N m s/rad, N s/m; shape (nq,)."""
     step: float
-    """Longest integration step while a coordinate is beyond (s)."""
 
     def entry(self, now: Buffers, torque: Array) -> Callable[[], int]:
         """A function that adds the stops' forces to the torques of the motors' axes, shape (nz,), once
         B and q' of a state are in the robot's buffers."""
-        nq, nz = self.lower.size, torque.size
-        work = np.zeros(nq), np.zeros(nz), np.zeros(nz), np.zeros((nz, nz))
-        parts = self.lower, self.upper, self.stiffness, self.damping
-        return bind(_press, *parts, now.q, now.q_dot, now.C, now.B, torque, *work)
+        nz = torque.size
+        work = np.zeros(self.lower.size), np.zeros(nz), np.zeros(nz), np.zeros((nz, nz))
+        return bind(_press, self, now.q, now.q_dot, now.C, now.B, torque, *work)
 
     def near(self, q: Array, q_dot: Array, h: float) -> bool:
         """True if a coordinate is beyond its limit, or will be within h (s)."""
@@ -69,11 +66,8 @@ class JointLimits(Piece):
     """Damping ratio: 1 is critical."""
 
     def start(self, setting: Setting) -> Contact | None:
-        """See :class:`Piece`."""
-        robot = setting.robot
-        limits = robot.limits
-        lower, upper = limits.lower, limits.upper
-        inertia = least_inertia(robot)
+        robot, limits = setting.robot, setting.robot.limits
+        lower, upper, inertia = limits.lower, limits.upper, least_inertia(robot)
         stopped = (np.isfinite(lower) | np.isfinite(upper)) & np.isfinite(inertia)
         if not stopped.any():
             return None
@@ -109,10 +103,7 @@ def least_inertia(robot: MobileManipulator) -> Array:
 
 @kernel
 def _press(
-    lower: Vector,
-    upper: Vector,
-    stiffness: Vector,
-    damping: Vector,
+    at: Contact,
     q: Vector,
     q_dot: Vector,
     C: Matrix,
@@ -124,13 +115,13 @@ def _press(
     work: Matrix,
 ) -> int:
     """torque += B^-1 C^T f with f of the stops; the last four are work space."""
-    touching = False
+    lower, upper, k, c, touching = at.lower, at.upper, at.stiffness, at.damping, False
     for i in range(q.shape[0]):
         force[i] = 0.0
         if q[i] > upper[i]:
-            force[i] = -max(0.0, stiffness[i] * (q[i] - upper[i]) + damping[i] * q_dot[i])
+            force[i] = -max(0.0, k[i] * (q[i] - upper[i]) + c[i] * q_dot[i])
         elif q[i] < lower[i]:
-            force[i] = max(0.0, stiffness[i] * (lower[i] - q[i]) - damping[i] * q_dot[i])
+            force[i] = max(0.0, k[i] * (lower[i] - q[i]) - c[i] * q_dot[i])
         touching = touching or force[i] != 0.0
     if not touching:
         return 0

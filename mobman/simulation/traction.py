@@ -34,11 +34,8 @@ class Traction(NamedTuple):
 
 
 def traction(robot: MobileManipulator, ground: MuJoCo | None = None) -> Traction:
-    """Traction of a robot at ``q_rest``, in any direction in which its platform can drive straight on.
-
-    Args:
-        robot: The robot.
-        ground: Friction and tyres; those of :class:`MuJoCo` by default.
+    """Traction of a robot at ``q_rest``, in any direction in which its platform can drive straight on,
+    on friction and tyres that are those of :class:`MuJoCo` by default.
 
     Raises:
         SpecError: If the robot has no driven wheels, or falls over.

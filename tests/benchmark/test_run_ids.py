@@ -13,7 +13,7 @@ import mobman as mm
 from mobman.benchmark.work import jobs_of, robot_of
 from mobman.errors import MobmanError, RecordError, SpecError
 from mobman.provenance import versions
-from mobman.simulation.friction import frictions
+from mobman.simulation.disturbances import frictions
 from mobman.simulation.run_spec import RunSpec
 
 PLATFORM = """
@@ -122,7 +122,7 @@ def test_code_in_a_package_is_part_of_it_and_not_imported_to_see(folder, monkeyp
 def test_own_piece_of_a_scenario_is_part_of_it(tmp_path, monkeypatch):
     path = tmp_path / "pieces_of_mine.py"
     path.write_text(
-        "from mobman.simulation.friction import frictions\n"
+        "from mobman.simulation.disturbances import frictions\n"
         "from mobman.simulation.pieces import Piece\n\n\n"
         "class Sticky(Piece):\n    pass\n\n\n"
         'frictions.register("sticky", Sticky)\n'

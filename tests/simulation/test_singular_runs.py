@@ -112,7 +112,7 @@ def test_nothing_is_predicted_where_nothing_happens(name):
     found = predict_singularity(robot, task, duration=12.0)
     assert found.singular is None
     assert found.t[-1] > 11.8
-    assert np.all(found.sigma > found.bound)
+    assert np.all(found.sigma > found.jacobians.bounds["J"])
     # f_a = 0 and the tip on its circle: what a law's run has, too
     record = mm.simulate(robot, "extended-jacobian", "circle", duration=6.0)
     own = _sigmas(robot, task, record.q[-1])["J"]

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from mobman.simulation.pieces import Setting
-from mobman.simulation.scenario import AccelerationSource
+from mobman.simulation.scenario import Source
 
 
 def setting(robot, seed=0, dt=1e-3):
@@ -24,4 +24,4 @@ def motors(inertia, seed=0):
 def estimator(names, dt, **source):
     """An estimator of z' for a robot with such velocities."""
     robot = SimpleNamespace(velocity_names=list(names))
-    return AccelerationSource(**source).resolved().start(setting(robot, dt=dt))
+    return Source(group="acceleration", **source).resolved().start(setting(robot, dt=dt))

@@ -510,8 +510,8 @@ def test_friction_of_the_urdf_brakes_its_joints(added, alpha):
     content = loaded.spec.model_dump(by_alias=True)
     content["platform"]["alpha"] = alpha
     robot = mm.load_robot({**content, "folder": loaded.spec.folder})
+    from mobman.simulation.disturbances import UrdfFriction
     from mobman.simulation.pieces import Setting
-    from mobman.simulation.urdf_friction import UrdfFriction
 
     setting = Setting(robot, 1e-3, np.random.default_rng(0))
     resistance = UrdfFriction(velocity=0.1).start(setting)
@@ -531,8 +531,8 @@ def test_friction_of_the_urdf_brakes_its_joints(added, alpha):
 
 
 def test_a_robot_that_states_no_friction_has_none(added):
+    from mobman.simulation.disturbances import UrdfFriction
     from mobman.simulation.pieces import Setting
-    from mobman.simulation.urdf_friction import UrdfFriction
 
     loaded, said = added(differential().arm(tip="tool0"))
     assert not any("dynamics" in w for w in said["warnings"])
