@@ -51,7 +51,7 @@ EXTENSIONS = {
         "mobman.simulation.pieces.Setting",
     ),
     "Metrics": ("mobman.simulation.metrics.metric", "mobman.simulation.metrics.Run"),
-    "Checks of robots": ("mobman.checks.checks.check", "mobman.checks.subject.Subject"),
+    "Checks of robots": ("mobman.checks.checks.check", "mobman.checks.checks.Subject"),
     "Learned policies": ("mobman.bridges.policy.PolicyController",),
     "Registries": ("mobman.registry.Registry",),
 }

@@ -1,21 +1,30 @@
-"""Interface of a check of robots, the registry of checks, and running all of them."""
+"""Interface of a check of robots, the registry of checks, what they look at, and running all of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.checks.subject import Subject
 from mobman.errors import FOREIGN_ERRORS
+from mobman.model.build import assemble
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.registry import Registry
+from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.robots.urdf.meshes import MeshReader, MeshReference, mesh_paths
+from mobman.robots.urdf.read import UrdfFile
+from mobman.robots.urdf.shapes import USES, Shape, Use, placement, read_shapes, scalar
 
 Status = Literal["ok", "warning", "wrong"]
 _MOST_NAMED = 4
+_SEED = 20_261_122
+_STEERED = math.pi / 3  # rad: random steering angles keep away from the model's singularity at pi/2
 
 
 @dataclass(frozen=True)
@@ -37,16 +46,32 @@ class Remark(NamedTuple):
 
     status: Status
     found: str
-    fix: str
+    fix: str = ""
     alone: bool = False
     """True if it is left out where the check makes others."""
 
 
-Function = Callable[[Subject], Iterable[Remark]]
+ok = partial(Remark, "ok")
+"""Nothing is to be done."""
+all_ok = partial(Remark, "ok", alone=True)
+"""Nothing is to be done, unless the check makes another remark."""
+warning = partial(Remark, "warning")
+"""Plausible, to be verified."""
+wrong = partial(Remark, "wrong")
+"""Must be fixed."""
 
 
-@dataclass(frozen=True)
-class Check:
+def some(items: Iterable[str], joint: str = ", ") -> str:
+    """A list for a sentence: the first few, and how many more."""
+    items = list(items)
+    more = f" and {len(items) - _MOST_NAMED} more" if len(items) > _MOST_NAMED else ""
+    return joint.join(items[:_MOST_NAMED]) + more
+
+
+Function = Callable[["Subject"], Iterable[Remark]]
+
+
+class Check(NamedTuple):
     """Something that can be wrong with a robot."""
 
     name: str
@@ -64,10 +89,9 @@ def check(name: str, meaning: str, *, simulates: bool = False) -> Callable[[Func
     """Decorator: register a function of a :class:`Subject` that gives remarks as a check."""
 
     def register(function: Function) -> Function:
-        item = Check(name, meaning, function, simulates)
-        checks.register(name, item, module=function.__module__)
         function.__doc__ = function.__doc__ or f"Check {name!r}: {meaning}."
-        return function
+        item = Check(name, meaning, function, simulates)
+        return checks.register(name, item, module=function.__module__).function
 
     return register
 
@@ -100,72 +124,186 @@ def run_checks(
             remarks.extend(item.function(subject))
         except FOREIGN_ERRORS as error:  # what breaks one check must not hide what the others find
             text = " ".join(str(error).split()) or "no message"
+            fix = f"look at what it looks at ({item.meaning}); where nothing is wrong there, the check"
             remarks.append(
-                wrong(
-                    f"the check ended with {type(error).__name__}: {text}",
-                    f"look at what it looks at ({item.meaning}); where nothing is wrong there, the "
-                    "check is",
-                )
+                wrong(f"the check ended with {type(error).__name__}: {text}", f"{fix} is")
             )
         remarks = [mark for mark in remarks if not mark.alone or len(remarks) == 1]
         found += [Finding(item.name, *mark[:3]) for mark in remarks or [ok(item.meaning)]]
     return found
 
 
-# For the functions that check --------------------------------------------------------------------------
-
-# Central differences of order 8: the truncation error is h^8/630 times the ninth derivative.
-_WEIGHTS = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
+# What the functions that check look at -----------------------------------------------------------------
 
 
-def ok(found: str) -> Remark:
-    """Nothing is to be done."""
-    return Remark("ok", found, "")
+@dataclass(frozen=True)
+class Link:
+    """A link of a URDF, before fixed joints merge it with others into a body."""
+
+    name: str  # with the prefix of its mount
+    mass: float | None  # kg; None without an <inertial> element
+    com: Array  # centre of mass in the link's frame (m), shape (3,)
+    moments: Array  # principal moments of inertia, ascending (kg m^2), shape (3,)
+    shapes: tuple[Shape, ...]  # what could be read of its geometry
+    incomplete: frozenset[Use]  # the uses of which a mesh is missing or could not be read
+    file: str  # name, for messages, of the place where it is described
+
+    @property
+    def solid(self) -> list[Shape]:
+        """The collision geometry, or the visual one where there is none."""
+        collision = [shape for shape in self.shapes if shape.use == "collision"]
+        return collision or list(self.shapes)
 
 
-def all_ok(found: str) -> Remark:
-    """Nothing is to be done, unless the check makes another remark."""
-    return Remark("ok", found, "", alone=True)
+class Subject:
+    """A robot and what several checks need of it and its files.
 
+    Attributes:
+        robot: The robot.
+        model: Pinocchio's model of it.
+        arm: Indices in q of the arm's joints.
+        tip_frame: Index of the tip's frame; a joint may have its name, too.
+        home: q_rest with the platform at the origin, so that the world's axes are the platform's,
+            shape (nq,).
+        name: ``"robot 'NAME'"``, for messages.
+        files: Names, for messages, of all files of the robot.
+        mesh_reader: Reads the meshes.
+        meshes: Every mesh that the URDFs name, its link with the prefix of its mount, and the URDF.
+    """
 
-def does_not_apply(reason: str) -> Remark:
-    """The robot has nothing to check here."""
-    return ok(f"does not apply: {reason}")
+    def __init__(self, robot: MobileManipulator) -> None:
+        self.robot, self.model, spec = robot, robot.model, robot.spec
+        self.name, self.arm = f"robot {robot.name!r}", set(robot.arm.joints.tolist())
+        self.tip_frame = int(self.model.getFrameId(robot.tip, pin.FrameType.BODY))
+        self.mesh_reader, files = MeshReader(), robot.urdf.files
+        self.home = np.where(np.isin(robot.joint_names, BASE_JOINTS), 0.0, robot.q_rest)
+        prefixes = [*([] if spec.urdf is None else [""]), *(mount.prefix for mount in spec.mount)]
+        self._sources = list(zip(prefixes, files, strict=True))
+        self._numbers = f"[platform.body] of {self.name}"
+        names = [*([self._numbers] if spec.urdf is None else []), *(f.path.name for f in files)]
+        self.files = ", ".join(dict.fromkeys(names))
 
+    @cached_property
+    def meshes(self) -> list[tuple[MeshReference, UrdfFile]]:
+        return [
+            (replace(mesh, link=f"{prefix}{mesh.link}"), file)
+            for prefix, file in self._sources
+            for mesh in mesh_paths(file.parse(), file)
+        ]
 
-def warning(found: str, fix: str) -> Remark:
-    """Plausible, to be verified."""
-    return Remark("warning", found, fix)
+    @cached_property
+    def links(self) -> dict[str, Link]:
+        """The links by name, in the URDF's order."""
+        paths = {(mesh.link, mesh.filename): mesh.path for mesh, _ in self.meshes}
+        files = {
+            f"{prefix}{link.get('name')}": file.path.name
+            for prefix, file in self._sources
+            for link in file.parse().findall("link")
+        }
+        found = {}
+        for element in assemble(self.robot.spec, self.robot.urdf).robot.findall("link"):
+            name, inertial = str(element.get("name")), element.find("inertial")
+            mass, com, moments = None, np.zeros(3), np.zeros(3)
+            if inertial is not None:
+                mass, com = scalar(inertial.find("mass"), "value"), placement(inertial)[1]
+                keys = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
+                entries = [scalar(inertial.find("inertia"), key) for key in keys]
+                moments = np.linalg.eigvalsh(np.reshape(entries, (3, 3)))
 
+            def vertices(filename: str, link: str = name) -> Array | None:
+                path = paths.get((link, filename))
+                return None if path is None else self.mesh_reader.vertices(path)
 
-def wrong(found: str, fix: str) -> Remark:
-    """Must be fixed."""
-    return Remark("wrong", found, fix)
+            shapes = [shape for use in USES for shape in read_shapes(element, use, vertices)]
+            known = tuple(shape for shape in shapes if shape.known)
+            incomplete = frozenset(shape.use for shape in shapes if not shape.known)
+            file = files.get(name, self._numbers)
+            found[name] = Link(name, mass, com, moments, known, incomplete, file)
+        return found
 
+    # Where things are at home
 
-def named_wheels(joints: Sequence[str]) -> str:
-    """The subject of a sentence about wheels, by their joints' names."""
-    return f"wheel{'' if len(joints) == 1 else 's'} {', '.join(map(repr, joints))}"
+    @cached_property
+    def data(self) -> pin.Data:
+        """Pinocchio's results at home: placements of joints and links, Jacobians."""
+        data = self.model.createData()
+        pin.computeJointJacobians(self.model, data, self.home)
+        pin.updateFramePlacements(self.model, data)
+        return data
 
+    def placement(self, link: str) -> tuple[Array, Array]:
+        """Rotation (3, 3) and position (3,) of a link in the platform's frame, at home."""
+        place = self.data.oMf[self.model.getFrameId(link, pin.FrameType.BODY)]
+        return np.array(place.rotation), np.array(place.translation)
 
-def some(items: Iterable[str], joint: str = ", ") -> str:
-    """A list for a sentence: the first few, and how many more."""
-    items = list(items)
-    more = len(items) - _MOST_NAMED
-    named = joint.join(items[:_MOST_NAMED])
-    return f"{named} and {more} more" if more > 0 else named
+    @cached_property
+    def carrier(self) -> str:
+        """The joint that carries the tip."""
+        return str(self.model.names[self.model.frames[self.tip_frame].parentJoint])
 
+    def jacobian(self, joint: str) -> Array:
+        """Velocity (linear, then angular) of a joint's frame for unit rates at home, shape (6, nv)."""
+        index, axes = self.model.getJointId(joint), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return np.array(pin.getJointJacobian(self.model, self.data, index, axes))
 
-def derivative(function: Callable[[float], Array], step: float) -> Array:
-    """d function(s)/ds at s = 0, by differences that reach nine digits."""
-    terms = [weight * (function(i * step) - function(-i * step)) for i, weight in _WEIGHTS]
-    total: Array = np.sum(terms, axis=0) / step
-    return total
+    def _column(self, joint: str) -> tuple[Array, Array]:
+        column = self.jacobian(joint)[:, self.model.joints[self.model.getJointId(joint)].idx_v]
+        return column[:3], column[3:]
 
+    def axis(self, joint: str) -> Array:
+        """Axis of a joint in the platform's frame at home, unit vector, shape (3,)."""
+        linear, angular = self._column(joint)
+        return angular if np.any(angular) else linear
 
-def relative(found: Array, expected: Array) -> float:
-    """Largest difference of two arrays over the largest entry of either, or over 1."""
-    both = np.concatenate([np.ravel(found), np.ravel(expected)])
-    if both.size == 0:
-        return 0.0
-    return float(np.abs(found - expected).max() / max(1.0, np.abs(both).max()))
+    def turns(self, joint: str) -> bool:
+        """True if a joint turns, False if it slides."""
+        return bool(np.any(self._column(joint)[1]))
+
+    def upright(self, joint: str) -> bool:
+        """True if a joint turns about the vertical at home, or nearly."""
+        return abs(float(self._column(joint)[1][2])) > 0.9
+
+    def centre(self, joint: str) -> Array:
+        """Position of a joint in the platform's frame at home (m), shape (3,)."""
+        return np.array(self.data.oMi[self.model.getJointId(joint)].translation)
+
+    def links_on(self, joint: str) -> list[Link]:
+        """The links that move with a joint, and with no other behind it."""
+        return self._bodies.get(self.model.getJointId(joint), [])
+
+    @cached_property
+    def platform_links(self) -> list[Link]:
+        """The links that no joint of the arm moves, wheels included."""
+        arm = {i for i in range(1, self.model.njoints) if self.model.joints[i].idx_q in self.arm}
+        bodies = self._bodies.items()
+        return [
+            one for i, links in bodies if arm.isdisjoint(self.model.supports[i]) for one in links
+        ]
+
+    @cached_property
+    def _bodies(self) -> dict[int, list[Link]]:
+        bodies: dict[int, list[Link]] = {}
+        for frame in self.model.frames:
+            if frame.type == pin.FrameType.BODY and frame.name in self.links:
+                bodies.setdefault(int(frame.parentJoint), []).append(self.links[frame.name])
+        return bodies
+
+    @cached_property
+    def steering(self) -> list[str]:
+        """The platform's joints that turn about the vertical, other than its heading."""
+        others = {*BASE_JOINTS, *(wheel.joint for wheel in self.robot.platform.wheels)}
+        names = self.robot.platform.coordinates
+        return [name for name in names if name not in others and self.upright(name)]
+
+    def states(self, count: int) -> list[tuple[Array, Array]]:
+        """``count`` random pairs (q, z): within the limits and within half a turn (or pi m) of rest."""
+        robot, random = self.robot, np.random.default_rng(_SEED)
+        steered = np.isin(robot.joint_names, self.steering)
+        wide, most = np.where(steered, _STEERED, math.pi), np.where(steered, _STEERED, math.inf)
+        lower = np.maximum(self.model.lowerPositionLimit, np.maximum(robot.q_rest - wide, -most))
+        upper = np.minimum(self.model.upperPositionLimit, np.minimum(robot.q_rest + wide, most))
+        upper = np.maximum(lower, upper)
+        return [
+            (robot.consistent(random.uniform(lower, upper)), random.standard_normal(robot.nz))
+            for _ in range(count)
+        ]

@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.checks.checks import Remark, all_ok, check, does_not_apply, some, warning, wrong
-from mobman.checks.subject import Subject
+from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
 from mobman.model.posture_weights import conditioning, heading_weight
 from mobman.model.task_map import TaskMap
 from mobman.robots.spec import DRIVEN
@@ -37,30 +36,30 @@ _LARGEST_STEP = 0.2  # rad or m an iteration
 
 @check("reach", "the tip starts in free space above the ground, and reaches the task 'circle'")
 def reach(subject: Subject) -> Iterator[Remark]:
-    robot, tip = subject.robot, np.array(subject.robot.tip_pose(subject.home).translation)
-    yield from _start(subject, tip)
+    yield from _start(subject)
     path = circle(subject)
     found = list(gaps(subject, path))
     lowest, highest, reached = _workspace(subject)
     if missed := sum(gap > CLOSE for gap in found):
         # a base that drives may stand in ways that the search has not come upon
-        drives = len(robot.platform_index) > 0
+        drives = len(subject.robot.platform_index) > 0
         missing = "were not found within reach" if drives else "are out of reach"
         yield warning(
             f"{missed} of {len(found)} points of the task 'circle' {missing}, by up to "
             f"{max(found):.2g} m; it is {path.centre[2]:.3g} m high, the arm reaches {reached:.3g} "
             f"m from its first joint and from {lowest:.3g} to {highest:.3g} m high",
-            f"choose another [rest] of robot {robot.name!r}, or give it a task of its own size",
+            f"choose another [rest] of {subject.name}, or give it a task of its own size",
         )
+    tip = subject.robot.tip_pose(subject.home).translation
     yield all_ok(
         f"tip {tip[2]:.3g} m high at rest; sampled: {lowest:.3g} to {highest:.3g} m high, up to "
         f"{reached:.3g} m from the arm's first joint; the task 'circle' is within reach"
     )
 
 
-def _start(subject: Subject, tip: Array) -> Iterator[Remark]:
-    robot = subject.robot
-    fix = f"choose another posture in [rest] of robot {robot.name!r}, or another 'arm.tip'"
+def _start(subject: Subject) -> Iterator[Remark]:
+    robot, tip = subject.robot, np.array(subject.robot.tip_pose(subject.home).translation)
+    fix = f"choose another posture in [rest] of {subject.name}, or another 'arm.tip'"
     if len(robot.platform_index) > 0 and tip[2] < 0.0:
         yield wrong(f"the tip {robot.tip!r} rests {-tip[2]:.3g} m below the ground", fix)
     own = {link.name for link in subject.links_on(subject.carrier)}
@@ -77,17 +76,15 @@ def _start(subject: Subject, tip: Array) -> Iterator[Remark]:
 
 def _workspace(subject: Subject) -> tuple[float, float, float]:
     """Least and largest height of the tip, and its largest distance from the arm's first joint (m)."""
-    robot, model, frame = subject.robot, subject.robot.model, subject.tip_frame
-    chain = [i for i in model.supports[model.getJointId(subject.carrier)] if i]
-    arm = set(robot.arm.joints.tolist())
-    first = next(i for i in chain if model.joints[i].idx_q in arm)
-    data = model.createData()
+    model, data, arm = subject.model, subject.model.createData(), subject.robot.arm.joints
+    chain = model.supports[model.getJointId(subject.carrier)]
+    first = next(i for i in chain if i and model.joints[i].idx_q in subject.arm)
     heights, distances = [], []
     for sampled, _ in subject.states(_SAMPLES):
         q = subject.home.copy()
-        q[robot.arm.joints] = sampled[robot.arm.joints]
+        q[arm] = sampled[arm]
         pin.forwardKinematics(model, data, q)
-        tip = np.array(pin.updateFramePlacement(model, data, frame).translation)
+        tip = np.array(pin.updateFramePlacement(model, data, subject.tip_frame).translation)
         heights.append(float(tip[2]))
         distances.append(float(np.linalg.norm(tip - data.oMi[first].translation)))
     return min(heights), max(heights), max(distances)
@@ -97,11 +94,7 @@ def _workspace(subject: Subject) -> tuple[float, float, float]:
 
 
 def circle(subject: Subject, scale: float = 1.0) -> Circle:
-    """The task 'circle' from rest, made smaller about the tip's start.
-
-    Args:
-        subject: The robot.
-        scale: Scale of all distances from the tip; 1 is the task itself.
+    """The task 'circle' from rest, all its distances from the tip's start times the scale.
 
     Raises:
         TypeError: If the name stands for something else.
@@ -110,8 +103,8 @@ def circle(subject: Subject, scale: float = 1.0) -> Circle:
     if not isinstance(task, Circle):
         raise TypeError(f"the task 'circle' is a {type(task).__name__}")
     tip = np.array(subject.robot.tip_pose(subject.robot.q_rest).translation)
-    x, y, z = tip + scale * (np.array(task.centre) - tip)
-    return replace(task, centre=(float(x), float(y), float(z)), radius=scale * task.radius)
+    x, y, z = (tip + scale * (np.array(task.centre) - tip)).tolist()
+    return replace(task, centre=(x, y, z), radius=scale * task.radius)
 
 
 def gaps(subject: Subject, path: Circle) -> Iterator[float]:
@@ -121,9 +114,8 @@ def gaps(subject: Subject, path: Circle) -> Iterator[float]:
     reached in ways that these do not find. A platform that drives stands wherever it helps: it is
     controllable, so that it gets there, whatever it cannot do at once.
     """
-    robot = subject.robot
-    starts = [robot.q_rest, *(q for q, _ in subject.states(_STARTS))]
-    last = robot.q_rest
+    last = subject.robot.q_rest
+    starts = [last, *(q for q, _ in subject.states(_STARTS))]
     for i in range(_POINTS):
         point, least = path.desired(path.period * i / _POINTS)[0], math.inf
         for start in (last, *starts):
@@ -142,12 +134,10 @@ def is_within_reach(subject: Subject, path: Circle) -> bool:
 
 def _approached(subject: Subject, q: Array, point: Array) -> tuple[Array, float]:
     """A configuration whose tip is as near to a point as damped least squares get, and the gap (m)."""
-    robot = subject.robot
-    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
-    names = robot.joint_names
-    pose = np.eye(robot.nq)[:, [names.index(name) for name in BASE_JOINTS if name in names]]
-    angles = np.isin(np.arange(robot.nq), robot.arm_index) | np.isin(names, BASE_JOINTS[2])
-    best, least = q, math.inf
+    robot, best, least = subject.robot, q, math.inf
+    names = np.array(robot.joint_names)
+    pose = np.eye(robot.nq)[:, np.isin(names, BASE_JOINTS)]
+    angles = np.isin(np.arange(robot.nq), robot.arm_index) | (names == BASE_JOINTS[2])
     for _ in range(_ITERATIONS):
         gap = point - np.array(robot.tip_pose(q).translation)
         size = float(np.linalg.norm(gap))
@@ -160,16 +150,14 @@ def _approached(subject: Subject, q: Array, point: Array) -> tuple[Array, float]
         unit = np.hstack([c / np.maximum(np.abs(c).max(axis=0), 1e-12), pose])
         j = robot.tip_jacobian(q)[:3] @ unit
         step = unit @ (j.T @ np.linalg.solve(j @ j.T + _DAMPING * np.eye(3), gap))
-        largest = float(np.abs(step[angles]).max())
-        step *= min(1.0, _LARGEST_STEP / max(largest, 1e-12))
-        q = np.clip(q + step, lower, upper)
+        step *= min(1.0, _LARGEST_STEP / max(float(np.abs(step[angles]).max()), 1e-12))
+        q = np.clip(q + step, subject.model.lowerPositionLimit, subject.model.upperPositionLimit)
     return best, least
 
 
 # A second of closed loop -------------------------------------------------------------------------------
 
 _DURATION = 1.0  # s
-_DIMENSION = 3  # of the tip's task
 _RESIDUAL = 1e-9  # m/s
 _CONTROLLER, _TASK = "tsm", "circle"
 _SCALES = (1.0, 0.5, 0.25, 0.1)  # of the circle, the largest within reach is driven
@@ -182,67 +170,55 @@ _SMALL = 0.5  # a platform that drives ought to get round a larger one
     simulates=True,
 )
 def closed_loop(subject: Subject) -> Iterator[Remark]:
-    robot = subject.robot
-    if robot.nz < _DIMENSION:
-        yield does_not_apply(f"{robot.nz} degrees of freedom, fewer than the tip's {_DIMENSION}")
+    robot, m = subject.robot, TaskMap().m
+    if robot.nz < m:
+        yield ok(f"does not apply: {robot.nz} degrees of freedom, fewer than the tip's {m}")
         return
     # an arm that cannot drive rarely gets round the whole circle: then a smaller one
     paths = {scale: circle(subject, scale) for scale in _SCALES}
     scale = next((s for s in _SCALES if is_within_reach(subject, paths[s])), None)
-    fix = f"correct what the other checks find, and try another [rest] of robot {robot.name!r}"
+    fix = f"correct what the other checks find, and try another [rest] of {subject.name}"
     if scale is None:
-        yield warning(
-            f"not run: the task {_TASK!r} is out of reach, even {_SCALES[-1]:g} times as large",
-            fix,
-        )
+        smallest = f"even {_SCALES[-1]:g} times as large"
+        yield warning(f"not run: the task {_TASK!r} is out of reach, {smallest}", fix)
         return
     record = simulate(robot, _CONTROLLER, paths[scale], duration=_DURATION)
     path = f"{_TASK!r}" if scale == 1.0 else f"{_TASK!r}, {scale:g} times as large"
     if not record.ok:
         yield wrong(f"the run on {path} ended as {record.status} {record.message}", fix)
         return
-    yield from _faults(subject, record, path, fix)
-    if scale < _SMALL and len(robot.platform_index) > 0:
-        yield warning(
-            f"only run on {path}: the tip was not found to reach larger ones, though the "
-            "platform drives",
-            f"see what the check 'reach' says, and try another [rest] of robot {robot.name!r}",
-        )
-    yield from _efforts(subject, record)
-    first, last = np.linalg.norm(record.task_error[[0, -1]], axis=1)
-    yield all_ok(
-        f"{path}: the tip's error went from {first:.3g} to {last:.2g} m in 1 s; "
-        f"|A q'| {record.metrics['constraint_residual']:.1g} m/s; "
-        f"peak torque {np.abs(record.torque).max():.3g}"
-    )
-
-
-def _faults(subject: Subject, record: Record, path: str, fix: str) -> Iterator[Remark]:
     if not all(np.all(np.isfinite(part)) for part in (record.q, record.z, record.torque)):
         yield wrong("the run has numbers that are not finite", fix)
     residual = record.metrics["constraint_residual"]
     if not residual <= _RESIDUAL:
-        yield wrong(
-            f"the constraints A q' = 0 are broken by {residual:.2g} m/s",
-            f"check [platform] of robot {subject.robot.name!r}",
-        )
+        found = f"the constraints A q' = 0 are broken by {residual:.2g} m/s"
+        yield wrong(found, f"check [platform] of {subject.name}")
     first, last = np.linalg.norm(record.task_error[[0, -1]], axis=1)
     if not last < first:
         yield warning(f"{path}: the tip's error went from {first:.3g} to {last:.3g} m in 1 s", fix)
+    if scale < _SMALL and len(robot.platform_index) > 0:
+        yield warning(
+            f"only run on {path}: the tip was not found to reach larger ones, though the "
+            "platform drives",
+            f"see what the check 'reach' says, and try another [rest] of {subject.name}",
+        )
+    yield from _efforts(subject, record)
+    yield all_ok(
+        f"{path}: the tip's error went from {first:.3g} to {last:.2g} m in 1 s; |A q'| "
+        f"{residual:.1g} m/s; peak torque {np.abs(record.torque).max():.3g}"
+    )
 
 
 def _efforts(subject: Subject, record: Record) -> Iterator[Remark]:
     """Joints whose motors would have to give more than they have."""
-    robot = subject.robot
-    efforts, peaks = np.array(robot.model.effortLimit), np.zeros(robot.nq)
-    for q, torque in zip(record.q, record.torque, strict=True):
-        np.maximum(peaks, np.abs(robot.actuation(q) @ torque), out=peaks)
-    over = some(
-        f"joint {robot.joint_names[i]!r} {peaks[i]:.3g} of {efforts[i]:.3g}"
-        for i in range(robot.nq)
-        if 0.0 < efforts[i] < peaks[i]
-    )
-    if over:
+    robot, limits = subject.robot, subject.model.effortLimit
+    states = zip(record.q, record.torque, strict=True)
+    peaks = np.max([np.abs(robot.actuation(q) @ torque) for q, torque in states], axis=0)
+    if over := some(
+        f"joint {name!r} {peak:.3g} of {most:.3g}"
+        for name, peak, most in zip(robot.joint_names, peaks, limits, strict=True)
+        if 0.0 < most < peak
+    ):
         yield warning(
             f"torques above the effort limits: {over}",
             "start nearer to the path or with lower gains on the real robot, or check <limit effort> of "
@@ -263,14 +239,14 @@ _MINUTES = 120.0  # s
 def fold(subject: Subject) -> Iterator[Remark]:
     robot, m = subject.robot, TaskMap().m
     if robot.nz < m:
-        yield does_not_apply(f"{robot.nz} degrees of freedom, fewer than the tip's {m}")
+        yield ok(f"does not apply: {robot.nz} degrees of freedom, fewer than the tip's {m}")
         return
     found = predict_singularity(robot, circle(subject), duration=_MINUTES)
     if found.singular is not None:
         yield warning(
             f"laws on the extended task (13) that follow the task {_TASK!r} become singular at "
             f"t = {found.singular.time:.3g} s: {found.singular}",
-            f"lower the weights of wheels and platform in [criterion] of robot {robot.name!r}, choose "
+            f"lower the weights of wheels and platform in [criterion] of {subject.name}, choose "
             "another posture in [rest], or a law without the extended Jacobian",
         )
         return
@@ -290,31 +266,27 @@ _POOR = 0.5  # of the conditioning that the rule gives
 
 @check("weights", "the criterion pulls at nothing that grows with the way, and is well conditioned")
 def weights(subject: Subject) -> Iterator[Remark]:
-    robot = subject.robot
-    base = robot.platform.base_joints
+    robot, base = subject.robot, subject.robot.platform.base_joints
     if not base:
-        yield does_not_apply("the base is fixed")
+        yield ok("does not apply: the base is fixed")
         return
     own = dict(zip(robot.joint_names, robot.criterion_weights.tolist(), strict=True))
     rule, heading = heading_weight(robot), base[-1]
     grown = {wheel.joint: _WAY / wheel.radius for wheel in robot.platform.wheels}
-    if rule <= DRIVEN:
-        grown[heading] = _WAY / _CIRCLE
+    grown |= {heading: _WAY / _CIRCLE} if rule <= DRIVEN else {}
     grown |= dict.fromkeys(base[:-1], _WAY)
     arm = max(own[robot.joint_names[i]] for i in robot.arm_index)
-    pulling = [name for name, way in grown.items() if own[name] * way > arm]
-    where = f"[criterion] of robot {robot.name!r}: see docs/robots.md#the-criterion"
-    if pulling:
+    pulls = {name: own[name] * way for name, way in grown.items()}
+    where = f"[criterion] of {subject.name}: see docs/robots.md#the-criterion"
+    if pulling := [name for name, pull in pulls.items() if pull > arm]:
         yield warning(
             f"after {_WAY:g} m of way the criterion pulls harder at {some(map(repr, pulling))} than "
             "at a joint of the arm that is a radian from rest, and the longer the way the harder: it "
             "drives the arm into singularities",
             f"set 'platform', 'wheels' and 'heading' to {DRIVEN:g}, {DRIVEN:g} and {rule:g} in {where}",
         )
-    found = conditioning(robot, robot.criterion_weights)
-    by_rule = robot.criterion_weights.copy()
-    by_rule[robot.joint_names.index(heading)] = rule
-    best = conditioning(robot, by_rule)
+    by_rule = np.where(np.array(robot.joint_names) == heading, rule, robot.criterion_weights)
+    found, best = conditioning(robot, robot.criterion_weights), conditioning(robot, by_rule)
     if found < _POOR * best:
         yield warning(
             f"the criterion is badly conditioned in the tip's null space at rest: {found:.2g}, where "
@@ -323,6 +295,5 @@ def weights(subject: Subject) -> Iterator[Remark]:
         )
     yield all_ok(
         f"conditioning of the criterion in the tip's null space at rest: {found:.2g}; after {_WAY:g} m "
-        f"the platform pulls as {max(own[name] * way for name, way in grown.items()) / arm:.1g} rad "
-        "of the arm do"
+        f"the platform pulls as {max(pulls.values()) / arm:.1g} rad of the arm do"
     )

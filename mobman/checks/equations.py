@@ -7,24 +7,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.checks.checks import (
-    Remark,
-    all_ok,
-    check,
-    derivative,
-    does_not_apply,
-    ok,
-    relative,
-    some,
-    warning,
-    wrong,
-)
-from mobman.checks.subject import Subject
+from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
 from mobman.errors import SingularityError
 from mobman.model.build import assemble
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
-from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.tasks.singular import least_singular_value
 
@@ -36,80 +23,72 @@ _SLIP = 5e-3  # of the platform's speed (of the rim's, when it turns): what croo
 
 @check("constraints", "A N = 0 with full ranks, and wheels that roll where the platform goes")
 def constraints(subject: Subject) -> Iterator[Remark]:
-    robot = subject.robot
-    if len(robot.platform_index) == 0:
-        yield does_not_apply("the base is fixed")
-        return
+    robot, residual = subject.robot, 0.0
     l, p = len(robot.platform_index), robot.n_alpha
-    k = l - p
-    residual, ranks_a, ranks_n = 0.0, set(), set()
+    if l == 0:
+        yield ok("does not apply: the base is fixed")
+        return
+    ranks: dict[str, set[int]] = {"A": set(), "N": set()}
     for q, _ in subject.states(_STATES):
         x = q[robot.platform_index]
         a, n = robot.platform.constraint_matrix(x), robot.platform.velocity_map(x)
         size = float(np.max(np.abs(a) @ np.abs(n), initial=0.0)) or 1.0
         residual = max(residual, float(np.max(np.abs(a @ n), initial=0.0)) / size)
-        ranks_a.add(_rank(a))
-        ranks_n.add(_rank(n))
-    fix = f"check [platform] of robot {robot.name!r} (type {robot.spec.platform.type!r})"
+        for name, matrix in (("A", a), ("N", n)):
+            largest = np.linalg.norm(matrix, 2) if matrix.size else 0.0
+            rank = np.linalg.matrix_rank(matrix, tol=_RANK * largest) if matrix.size else 0
+            ranks[name].add(int(rank))
+    fix = f"check [platform] of {subject.name} (type {robot.spec.platform.type!r})"
     if not residual <= _RESIDUAL:
         yield wrong(f"A N is not 0 but up to {residual:.2g} of its terms, at random states", fix)
-    for name, ranks, full in (("A", ranks_a, k), ("N", ranks_n, p)):
-        if ranks != {full}:
-            listing = ", ".join(map(str, sorted(ranks)))
+    for (name, found), full in zip(ranks.items(), (l - p, p), strict=True):
+        if found != {full}:
+            listing = ", ".join(map(str, sorted(found)))
             yield wrong(f"{name} has rank {listing} at random states; needed: {full}", fix)
     yield from _rolling(subject)
     wheels = ", ".join(f"{w.joint} (R = {w.radius:g} m)" for w in robot.platform.wheels)
     yield all_ok(
-        f"A ({k} x {l}) of rank {k}, N ({l} x {p}) of rank {p}, |A N| below {residual:.1g} of its "
-        f"terms; wheels: {wheels or 'none among the coordinates'}"
+        f"A ({l - p} x {l}) of rank {l - p}, N ({l} x {p}) of rank {p}, |A N| below {residual:.1g} of "
+        f"its terms; wheels: {wheels or 'none among the coordinates'}"
     )
-
-
-def _rank(matrix: Array) -> int:
-    if matrix.size == 0:
-        return 0
-    return int(np.linalg.matrix_rank(matrix, tol=_RANK * np.linalg.norm(matrix, 2)))
 
 
 def _rolling(subject: Subject) -> Iterator[Remark]:
     """Motion of the wheels' lowest points when the platform drives ahead, and when it turns."""
-    robot = subject.robot
-    kind = robot.spec.platform.type
+    robot, kind, up = subject.robot, subject.robot.spec.platform.type, np.array([0.0, 0.0, 1.0])
     if kind == "omnidirectional":  # rollers slide: their equations say how
         return
     n = robot.platform.velocity_map(subject.home[robot.platform_index])
-    ahead = np.linalg.lstsq(n[:3], np.array([1.0, 0.0, 0.0]), rcond=None)[0]
-    for wheel in robot.platform.wheels:
-        slip = _slip(subject, wheel.joint, wheel.radius, n @ ahead)
+
+    def slips(rows: list[int], wanted: list[float]) -> Iterator[tuple[str, float, float]]:
+        """Velocity of each wheel's lowest point along it (m/s), by the URDF's kinematics, and its
+        distance from the middle (m), at a motion of the platform."""
+        q_dot = np.zeros(robot.nq)
+        q_dot[robot.platform_index] = n @ np.linalg.lstsq(n[rows], np.array(wanted), rcond=None)[0]
+        for wheel in robot.platform.wheels:
+            motion = subject.jacobian(wheel.joint) @ q_dot
+            forward = np.cross(subject.axis(wheel.joint), up)
+            rim = motion[:3] + np.cross(motion[3:], -wheel.radius * up)
+            track = abs(float(subject.centre(wheel.joint)[1]))
+            yield wheel.joint, float(forward / np.linalg.norm(forward) @ rim), track
+
+    for joint, slip, _ in slips([0, 1, 2], [1.0, 0.0, 0.0]):
         if abs(slip) > _SLIP:
             yield wrong(
-                f"wheel {wheel.joint!r} slips by {slip:+.3g} m/s when the platform drives at 1 m/s",
-                f"check fields 'platform.heading' and 'platform.wheel_radius' of robot {robot.name!r}, "
-                f"and <axis> of joint {wheel.joint!r} in the URDF",
+                f"wheel {joint!r} slips by {slip:+.3g} m/s when the platform drives at 1 m/s",
+                f"check fields 'platform.heading' and 'platform.wheel_radius' of {subject.name}, and "
+                f"<axis> of joint {joint!r} in the URDF",
             )
     if kind != "differential":  # skid-steering slips when it turns, a car cannot turn on the spot
         return
-    turn = np.linalg.lstsq(n[[0, 2]], np.array([0.0, 1.0]), rcond=None)[0]
-    for wheel in robot.platform.wheels:
-        slip = _slip(subject, wheel.joint, wheel.radius, n @ turn)
-        track = abs(float(subject.centre(wheel.joint)[1]))
+    for joint, slip, track in slips([0, 2], [0.0, 1.0]):
         if abs(slip) > _SLIP * track:
             yield warning(
-                f"wheel {wheel.joint!r} slips by {slip:+.3g} m/s when the platform turns at 1 rad/s: "
-                f"it is {track:.4g} m from the middle",
-                f"remove field 'platform.half_track' of robot {robot.name!r}, or set it to {track:.4g}, "
+                f"wheel {joint!r} slips by {slip:+.3g} m/s when the platform turns at 1 rad/s: it is "
+                f"{track:.4g} m from the middle",
+                f"remove field 'platform.half_track' of {subject.name}, or set it to {track:.4g}, "
                 "unless the track was identified on the ground",
             )
-
-
-def _slip(subject: Subject, joint: str, radius: float, x_dot: Array) -> float:
-    """Velocity of a wheel's lowest point along the wheel (m/s), by the URDF's kinematics."""
-    q_dot = np.zeros(subject.robot.nq)
-    q_dot[subject.robot.platform_index] = x_dot
-    motion, up = subject.jacobian(joint) @ q_dot, np.array([0.0, 0.0, 1.0])
-    forward = np.cross(subject.axis(joint), up)
-    forward /= np.linalg.norm(forward)
-    return float(forward @ (motion[:3] + np.cross(motion[3:], -radius * up)))
 
 
 # Joints that follow others -----------------------------------------------------------------------------
@@ -117,29 +96,26 @@ def _slip(subject: Subject, joint: str, radius: float, x_dot: Array) -> float:
 
 @check("following", "joints that follow others (<mimic>) move with them, or are held off the way")
 def following(subject: Subject) -> Iterator[Remark]:
-    robot = subject.robot
-    assembly = assemble(robot.spec, robot.urdf)
-    every = assembly.robot.findall("joint")  # not those of transmissions
-    ends = {
-        (joint.get("name", ""), end.tag): end.get("link", "")
-        for joint in every
-        for end in joint
-        if end.tag in ("parent", "child")
-    }
-    above = {ends[name, "child"]: name for name, end in ends if end == "child"}
-    mimics = [joint.get("name", "") for joint in every if joint.find("mimic") is not None]
+    robot, assembly = subject.robot, assemble(subject.robot.spec, subject.robot.urdf)
+    above: dict[str, tuple[str, str]] = {}  # each link's joint and the link before it
+    mimics = []
+    for joint in assembly.robot.findall("joint"):  # not those of transmissions
+        name = joint.get("name", "")
+        parent, child = (next(joint.iter(end)).get("link", "") for end in ("parent", "child"))
+        above[child] = (name, parent)
+        mimics += [name] if joint.find("mimic") is not None else []
     if not mimics:
-        yield does_not_apply("no joint follows another")
+        yield ok("does not apply: no joint follows another")
         return
     on_the_way, link = set[str](), robot.tip
     while link in above:
-        on_the_way.add(above[link])
-        link = ends[above[link], "parent"]
+        joint_before, link = above[link]
+        on_the_way.add(joint_before)
     held = [name for name in mimics if name in assembly.locked]
     if cut := [name for name in held if name in on_the_way]:
         yield warning(
             f"the tip loses the motion of {some(map(repr, cut))}: held, though <mimic> moves it",
-            f"remove it, and what it follows, from field 'urdf.lock' of robot {robot.name!r}",
+            f"remove it, and what it follows, from field 'urdf.lock' of {subject.name}",
         )
     said = [
         f"{one.joint!r} follows {one.of!r} at {one.ratio:g} of its rate" for one in robot.followers
@@ -157,10 +133,9 @@ _TURN = 0.1  # rad: by which a coordinate is moved to see whether the platform t
 
 @check("criterion", "what steers the platform without moving the tip is coupled to something")
 def criterion(subject: Subject) -> Iterator[Remark]:
-    robot, model = subject.robot, subject.robot.model
-    steering = _steering(subject)
+    robot, steering = subject.robot, _steering(subject)
     if not steering:
-        yield does_not_apply("the platform has no steering that leaves the tip where it is")
+        yield ok("does not apply: the platform has no steering that leaves the tip where it is")
         return
     others = [i for i in range(robot.nq) if i not in steering]
     named = some(repr(robot.joint_names[i]) for i in steering)
@@ -168,14 +143,15 @@ def criterion(subject: Subject) -> Iterator[Remark]:
         yield ok(f"the steering ({named}) is coupled to other coordinates")
         return
     # the arm's first joint about the vertical at rest that moves the tip, or else its first joint
-    moving = {model.joints[i].idx_q for i in model.supports[model.getJointId(subject.carrier)]}
+    supports = subject.model.supports[subject.model.getJointId(subject.carrier)]
+    moving = {subject.model.joints[i].idx_q for i in supports}
     arm: list[str] = [robot.joint_names[i] for i in robot.arm_index if i in moving]
     yaw = next((name for name in arm if subject.upright(name)), arm[0])
     yield warning(
         f"the steering is held at rest: turning {named} moves no tip at once, and the criterion "
         "without couplings has its least where they rest, so that the platform drives straight on",
         f"couple them to {yaw!r} (or another joint of the arm) by 'couplings' in [criterion] "
-        f"of robot {robot.name!r}: see docs/platforms.md#car-like",
+        f"of {subject.name}: see docs/platforms.md#car-like",
     )
 
 
@@ -186,10 +162,8 @@ def _steering(subject: Subject) -> list[int]:
     maps = [robot.velocity_map(q)[:, : robot.n_alpha] for q in states]
     # what each alpha does to the coordinates, and to the tip, at most
     moves = np.max(np.abs(maps), axis=0)
-    tips = np.max(
-        [np.abs(robot.tip_jacobian(q)[:3] @ c) for q, c in zip(states, maps, strict=True)],
-        axis=(0, 1),
-    )
+    speeds = [robot.tip_jacobian(q)[:3] @ c for q, c in zip(states, maps, strict=True)]
+    tips = np.max(np.abs(speeds), axis=(0, 1))
     still = tips <= _NONE * max(1.0, float(tips.max(initial=0.0)))
 
     def changes_the_way(q: Array, i: int) -> bool:
@@ -201,13 +175,10 @@ def _steering(subject: Subject) -> list[int]:
     # of knuckles that turn alike one is in the equations, and all are the steering
     steers = np.zeros(robot.n_alpha, dtype=bool)
     for a in np.flatnonzero(still):
-        moved = np.flatnonzero(moves[:, a])
-        steers[a] = any(changes_the_way(q, int(i)) for q in states for i in moved)
-    return [
-        int(i)
-        for i in robot.platform_index
-        if np.any(moves[i, steers] > 0.0) and not np.any(moves[i, ~steers] > 0.0)
-    ]
+        moved = np.flatnonzero(moves[:, a]).tolist()
+        steers[a] = any(changes_the_way(q, i) for q in states for i in moved)
+    own = np.any(moves[:, steers] > 0.0, axis=1) & ~np.any(moves[:, ~steers] > 0.0, axis=1)
+    return [int(i) for i in robot.platform_index if own[i]]
 
 
 # Singularities -----------------------------------------------------------------------------------------
@@ -223,7 +194,7 @@ _MANY = 0.25  # of the random postures
 def singularities(subject: Subject) -> Iterator[Remark]:
     robot, m = subject.robot, TaskMap().m
     if robot.nz < m:
-        yield does_not_apply(f"{robot.nz} degrees of freedom, fewer than the tip's {m}")
+        yield ok(f"does not apply: {robot.nz} degrees of freedom, fewer than the tip's {m}")
         return
     states = [robot.q_rest, *(q for q, _ in subject.states(_POSTURES))]
     tips = [least_singular_value(robot.tip_jacobian(q)[:m] @ robot.velocity_map(q)) for q in states]
@@ -234,7 +205,7 @@ def singularities(subject: Subject) -> Iterator[Remark]:
     extended = ExtendedJacobian(robot, TaskMap(), Posture.of(robot))
     at_rest, *elsewhere = (_conditioning(extended, q, m) for q in states)
     share = float(np.mean(np.array(elsewhere) <= _UNEQUAL))
-    fix = f"check [criterion] of robot {robot.name!r}: weights that are too small or too unequal"
+    fix = f"check [criterion] of {subject.name}: weights that are too small or too unequal"
     if at_rest <= _UNEQUAL:
         yield warning(
             "the criterion makes the extended Jacobian J nearly singular at rest: conditioning "
@@ -257,33 +228,29 @@ def singularities(subject: Subject) -> Iterator[Remark]:
 def _posture(subject: Subject, states: list[Array], tips: list[float]) -> Iterator[Remark]:
     """Check that the tip can be moved every way at rest, by all joints and by the arm's alone."""
     robot, m = subject.robot, TaskMap().m
-    fix = (
-        f"choose another posture in [rest] of robot {robot.name!r}: bend the elbow, keep axes from "
-        "lining up"
-    )
+    bend = "bend the elbow, keep axes from lining up"
+    fix = f"choose another posture in [rest] of {subject.name}: {bend}"
     largest = np.linalg.norm(robot.tip_jacobian(states[0])[:m] @ robot.velocity_map(states[0]), 2)
-    rounding = _ROUNDING * float(largest)
-    if max(tips) <= rounding:
+    rounding, best = _ROUNDING * float(largest), max(tips)
+    if best <= rounding:
         yield wrong(
             "the tip's Jacobian J_f C is singular at rest and at every random posture: some way of the "
             "tip is none that these joints move it",
-            f"check 'arm.tip' and what is held in 'urdf.lock' of robot {robot.name!r}",
+            f"check 'arm.tip' and what is held in 'urdf.lock' of {subject.name}",
         )
         return
     found = f"smallest singular value {{:.2g}}, {{:.2g}} at the best of {len(states)} postures"
-    if tips[0] <= max(rounding, _NEARLY * max(tips)):
+    if tips[0] <= max(rounding, _NEARLY * best):
         grade, how = (wrong, "") if tips[0] <= rounding else (warning, "nearly ")
-        values = found.format(tips[0], max(tips))
+        values = found.format(tips[0], best)
         yield grade(f"the tip's Jacobian J_f C is {how}singular at rest: {values}", fix)
         return
     arm = [least_singular_value(robot.tip_jacobian(q)[:m, robot.arm_index]) for q in states]
     # an arm that moves its tip in a plane only does no better anywhere
     if max(arm) > rounding and arm[0] <= _NEARLY * max(arm):
-        yield warning(
-            "the arm is singular at rest, without the platform it cannot move the tip every way: "
-            + found.format(arm[0], max(arm)),
-            fix,
-        )
+        values = found.format(arm[0], max(arm))
+        without = "without the platform it cannot move the tip every way"
+        yield warning(f"the arm is singular at rest, {without}: {values}", fix)
 
 
 def _conditioning(extended: ExtendedJacobian, q: Array, m: int) -> float:
@@ -318,67 +285,78 @@ _MAPS = (TaskMap(), TaskMap((0, 1, 2, 3, 4, 5)), TaskMap(axis=(0.0, 0.0, 1.0)))
 
 @check("derivatives", "Jacobians and rates agree with finite differences at random states")
 def derivatives(subject: Subject) -> Iterator[Remark]:
-    robot = subject.robot
     worst: dict[str, float] = {}
     for q, z in subject.states(_COMPARED):
-        of_maps = (one for task_map in _MAPS for one in _extended(robot, task_map, q, z))
-        for name, error in (*_tip_and_maps(subject, q, z), *of_maps):
+        for name, error in _differences(subject, q, z):
             worst[name] = float(np.maximum(worst.get(name, 0.0), error))  # a NaN stays
-    bad = [f"{name} by {error:.2g}" for name, error in worst.items() if not error <= _TOLERANCE]
-    if bad:
+    if bad := [
+        f"{name} by {error:.2g}" for name, error in worst.items() if not error <= _TOLERANCE
+    ]:
         yield wrong(
             f"disagree with finite differences: {some(bad)}, relative",
-            f"check the platform's A, N and their derivatives (type {robot.spec.platform.type!r}) of "
-            f"robot {robot.name!r}, and that its numbers are of a size that doubles can carry",
+            f"check the platform's A, N and their derivatives (type "
+            f"{subject.robot.spec.platform.type!r}) of {subject.name}, and that its numbers are of a "
+            "size that doubles can carry",
         )
     else:
         yield ok(f"{', '.join(worst)}: agree to {max(worst.values()):.1g} or better")
 
 
-def _tip_and_maps(subject: Subject, q: Array, z: Array) -> Iterator[tuple[str, float]]:
+def _differences(subject: Subject, q: Array, z: Array) -> Iterator[tuple[str, float]]:
     robot = subject.robot
-    q_dot = robot.velocity_map(q) @ z
-    tip = robot.tip_kinematics(q, z)
-    step = _STEP / max(1.0, float(np.abs(q_dot).max()))
+    q_dot, tip = robot.velocity_map(q) @ z, robot.tip_kinematics(q, z)
+    fastest = max(1.0, float(np.abs(q_dot).max()))
 
-    def along(function: Callable[[Array], Array]) -> Array:
-        return derivative(lambda s: function(q + s * q_dot), step)
+    def along(function: Callable[[Array], Array], step: float = _STEP) -> Array:
+        return derivative(lambda s: function(q + s * q_dot), step / fastest)
 
     speed = along(lambda here: np.array(robot.tip_pose(here).translation))
     yield "tip Jacobian", relative(tip.jacobian[:3] @ q_dot, speed)
     yield "its rate", relative(tip.jacobian_rate, along(robot.tip_jacobian))
     yield "C'", relative(robot.velocity_map_rate(q, z), along(robot.velocity_map))
     yield "A'", relative(robot.constraint_matrix_rate(q, q_dot), along(robot.constraint_matrix))
+    for task_map in _MAPS:
+        rows = np.vstack([task_map.jacobian(tip), robot.constraint_matrix(q)])
+        regular = _REGULAR if task_map.m == 3 else _REGULAR_TURNING
+        if robot.nz >= task_map.m and np.linalg.svd(rows, compute_uv=False)[-1] >= regular:
+            extended = ExtendedJacobian(robot, task_map, Posture.of(robot))
+            yield from _extended(extended, task_map.m, q, z, along)
 
 
 def _extended(
-    robot: MobileManipulator, task_map: TaskMap, q: Array, z: Array
+    extended: ExtendedJacobian, m: int, q: Array, z: Array, along: Callable[..., Array]
 ) -> Iterator[tuple[str, float]]:
     """J z against p' and J' z against the rate of J z at constant z, in axes carried from q.
 
     An orientation has no coordinates, but rates.
     """
-    m, tip = task_map.m, robot.tip_kinematics(q, z)
-    j = np.vstack([task_map.jacobian(tip), robot.constraint_matrix(q)])
-    least = float(np.linalg.svd(j, compute_uv=False)[-1])
-    if robot.nz < m or least < (_REGULAR if m == 3 else _REGULAR_TURNING):
-        return
-    extended = ExtendedJacobian(robot, task_map, Posture.of(robot))
     extended.at(q, z)
     axes, J, J_dot_z = extended.complement.copy(), extended.J.copy(), extended.J_dot_z.copy()
-    q_dot = robot.velocity_map(q) @ z
-    step = _SHORT / max(1.0, float(np.abs(q_dot).max()))
 
-    def at(s: float) -> ExtendedJacobian:
+    def at(here: Array) -> ExtendedJacobian:
         extended.complement[:] = axes
-        extended.at(q + s * q_dot, z)
+        extended.at(here, z)
         return extended
 
     try:
-        p_dot = derivative(lambda s: at(s).f.copy(), step)
-        p_ddot = derivative(lambda s: at(s).J @ z, step)
+        p_dot = along(lambda here: at(here).f.copy(), _SHORT)
+        p_ddot = along(lambda here: at(here).J @ z, _SHORT)
     except SingularityError:
         return
-    coordinates = [i for i in range(robot.nz) if not 3 <= i < m]
+    coordinates = [i for i in range(len(z)) if not 3 <= i < m]
     yield "J", relative((J @ z)[coordinates], p_dot[coordinates])
     yield "J' z", relative(J_dot_z, p_ddot)
+
+
+def derivative(function: Callable[[float], Array], step: float) -> Array:
+    """d function(s)/ds at s = 0, by central differences of order 8 that reach nine digits: the
+    truncation error is h^8/630 times the ninth derivative."""
+    weights = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
+    terms = [weight * (function(i * step) - function(-i * step)) for i, weight in weights]
+    return np.asarray(np.sum(terms, axis=0) / step)
+
+
+def relative(found: Array, expected: Array) -> float:
+    """Largest difference of two arrays over the largest entry of either, or over 1."""
+    sizes = [np.abs(part).max(initial=0.0) for part in (found - expected, found, expected)]
+    return float(sizes[0] / max(1.0, *sizes[1:]))

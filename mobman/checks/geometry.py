@@ -7,18 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from mobman.checks.checks import (
-    Remark,
-    all_ok,
-    check,
-    does_not_apply,
-    named_wheels,
-    ok,
-    some,
-    warning,
-    wrong,
-)
-from mobman.checks.subject import Link, Subject
+from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
 from mobman.model.platforms.platform import Wheel
 from mobman.model.platforms.wheels import AXIS_TOLERANCE
 from mobman.robots.urdf.meshes import MeshReference
@@ -37,28 +26,12 @@ _TILT = math.sin(math.radians(1.0))
 
 @check("ground", "all wheels stand on one ground, right and left, and nothing is below it")
 def ground(subject: Subject) -> Iterator[Remark]:
-    robot = subject.robot
-    if len(robot.platform_index) == 0:
-        yield does_not_apply("the base is fixed: the ground is wherever its user has it")
+    wheels = subject.robot.platform.wheels
+    if len(subject.robot.platform_index) == 0:
+        yield ok("does not apply: the base is fixed: the ground is wherever its user has it")
         return
-    yield from _levels(subject)
-    for wheel in robot.platform.wheels:
-        yield from _wheel(subject, wheel)
-    lowest = {link.name: _lowest(subject, link) for link in subject.links.values() if link.solid}
-    yield from _heights(subject, lowest)
-    count = len(robot.platform.wheels)
-    wheels = f"{count} wheels on the ground" if count else "no wheels among the coordinates"
-    if not lowest:
-        yield all_ok(f"{wheels}; there is no geometry to look at")
-        return
-    name = min(lowest, key=lowest.__getitem__)
-    yield all_ok(f"{wheels}; lowest is link {name!r} at {round(1e3 * lowest[name], 1) + 0.0:g} mm")
-
-
-def _levels(subject: Subject) -> Iterator[Remark]:
-    """Wheels that do not stand on the ground, those of one height together."""
-    heights: dict[str, list[str]] = {}
-    for wheel in subject.robot.platform.wheels:
+    heights: dict[str, list[str]] = {}  # wheels that do not stand on the ground, by their height
+    for wheel in wheels:
         height = float(subject.centre(wheel.joint)[2]) - wheel.radius
         if abs(height) > _LEVEL:
             heights.setdefault(f"{1e3 * height:+.1f}", []).append(wheel.joint)
@@ -66,10 +39,26 @@ def _levels(subject: Subject) -> Iterator[Remark]:
         links = some(repr(link.name) for joint in joints for link in subject.links_on(joint))
         each = "its" if len(joints) == 1 else "each one's"
         yield wrong(
-            f"{named_wheels(joints)}: {each} lowest point is {millimetres} mm from the ground",
+            f"{_wheels(joints)}: {each} lowest point is {millimetres} mm from the ground",
             f"check <origin> of joint {', '.join(map(repr, joints))} (link {links}), and "
-            f"field 'platform.wheel_radius' of robot {subject.robot.name!r}",
+            f"field 'platform.wheel_radius' of {subject.name}",
         )
+    for wheel in wheels:
+        yield from _wheel(subject, wheel)
+    lowest: dict[str, float] = {}  # height of each link's lowest point at home (m)
+    for link in subject.links.values():
+        if link.solid:
+            rotation, position = subject.placement(link.name)
+            below = max(shape.reach(-rotation[2]) for shape in link.solid)
+            lowest[link.name] = float(position[2]) - below
+    yield from _heights(subject, lowest)
+    standing = (
+        f"{len(wheels)} wheels on the ground" if wheels else "no wheels among the coordinates"
+    )
+    if lowest:
+        name = min(lowest, key=lowest.__getitem__)
+        said = f"lowest is link {name!r} at {round(1e3 * lowest[name], 1) + 0.0:g} mm"
+    yield all_ok(f"{standing}; {said if lowest else 'there is no geometry to look at'}")
 
 
 def _wheel(subject: Subject, wheel: Wheel) -> Iterator[Remark]:
@@ -93,44 +82,38 @@ def _wheel(subject: Subject, wheel: Wheel) -> Iterator[Remark]:
         if word in words and other not in words and side * y < -_LEVEL:
             yield warning(
                 f"wheel {wheel.joint!r} is on the {other}, {abs(y):.3g} m from the middle",
-                f"check field 'platform.heading' of robot {subject.robot.name!r}: forward may be "
-                "backward",
+                f"check field 'platform.heading' of {subject.name}: forward may be backward",
             )
 
 
 def _heights(subject: Subject, lowest: dict[str, float]) -> Iterator[Remark]:
-    robot = f"robot {subject.robot.name!r}"
-    fix = {
-        **dict.fromkeys(
-            ("unicycle", "planar"),
-            f"set field 'platform.height' of {robot} to the root link's height",
-        ),
-        "custom": f"check root_offset of the platform's definition of {robot}",
-    }.get(
-        subject.robot.spec.platform.type,
-        f"check field 'platform.wheel_radius' of {robot} and <origin> of these links' geometry",
-    )
+    height = f"set field 'platform.height' of {subject.name} to the root link's height"
+    by_type = {
+        "unicycle": height,
+        "planar": height,
+        "custom": f"check root_offset of the platform's definition of {subject.name}",
+    }
+    radius = f"check field 'platform.wheel_radius' of {subject.name}"
+    other = f"{radius} and <origin> of these links' geometry"
+    fix = by_type.get(subject.robot.spec.platform.type, other)
     platform = {link.name for link in subject.platform_links}
     low = {name: z for name, z in lowest.items() if z < -_BELOW}
     named = some(f"link {name!r} at {1e3 * z:+.0f} mm" for name, z in low.items())
     if any(z < -_FAR_BELOW - _NOISE for name, z in low.items() if name in platform):
         yield wrong(f"geometry below the ground: {named}", fix)
     elif low:
-        if not set(low) & platform:
-            fix = f"choose another posture in [rest] of {robot}"
+        if platform.isdisjoint(low):
+            fix = f"choose another posture in [rest] of {subject.name}"
         yield warning(f"geometry below the ground at rest: {named}", fix)
-    standing = [z for name, z in lowest.items() if name in platform]
-    most = _FLOATING if subject.robot.platform.wheels else _UNSEEN
-    if standing and (least := min(standing)) > most:
-        yield warning(
-            f"the platform's lowest geometry is {1e3 * least:.0f} mm above the ground", fix
-        )
+    least = min((z for name, z in lowest.items() if name in platform), default=0.0)
+    if least > (_FLOATING if subject.robot.platform.wheels else _UNSEEN):
+        said = f"the platform's lowest geometry is {1e3 * least:.0f} mm above the ground"
+        yield warning(said, fix)
 
 
-def _lowest(subject: Subject, link: Link) -> float:
-    """Height of a link's lowest point at home (m)."""
-    rotation, position = subject.placement(link.name)
-    return float(position[2]) - max(shape.reach(-rotation[2]) for shape in link.solid)
+def _wheels(joints: Sequence[str]) -> str:
+    """The subject of a sentence about wheels, by their joints' names."""
+    return f"wheel{'' if len(joints) == 1 else 's'} {', '.join(map(repr, joints))}"
 
 
 # Radius of the wheels ----------------------------------------------------------------------------------
@@ -142,19 +125,18 @@ _WRONG = 0.1  # of the radius
 @check("wheel-radius", "the wheels' radius is that of their geometry")
 def wheel_radius(subject: Subject) -> Iterator[Remark]:
     if not subject.robot.platform.wheels:
-        yield does_not_apply("no wheels among the platform's coordinates")
+        yield ok("does not apply: no wheels among the platform's coordinates")
     alike: dict[tuple[float, str], tuple[list[str], dict[Use, float]]] = {}
     for wheel in subject.robot.platform.wheels:
         sizes = {use: size for use in USES if (size := _measured(subject, wheel, use)) is not None}
         listing = " and ".join(f"{size:.4g} m in the {use} geometry" for use, size in sizes.items())
         alike.setdefault((wheel.radius, listing), ([], sizes))[0].append(wheel.joint)
-    where = f"field 'platform.wheel_radius' of robot {subject.robot.name!r}"
+    where = f"field 'platform.wheel_radius' of {subject.name}"
     for (radius, listing), (joints, sizes) in alike.items():
-        who = named_wheels(joints)
+        who = _wheels(joints)
         if not sizes:
             yield warning(
-                f"{who}: no round geometry (that could be read) to compare the radius {radius:g} m "
-                "with",
+                f"{who}: no round geometry (that could be read) to compare the radius {radius:g} m with",
                 f"compare {where} with the wheels' data sheet",
             )
             continue
@@ -172,12 +154,8 @@ def wheel_radius(subject: Subject) -> Iterator[Remark]:
 def _measured(subject: Subject, wheel: Wheel, use: Use) -> float | None:
     """The radius of a wheel's geometry (m); None if it is not known or not round."""
     links = subject.links_on(wheel.joint)
-    shapes = [
-        shape.placed(*subject.placement(link.name))
-        for link in links
-        for shape in link.shapes
-        if shape.use == use
-    ]
+    places = [(shape, subject.placement(one.name)) for one in links for shape in one.shapes]
+    shapes = [shape.placed(*place) for shape, place in places if shape.use == use]
     if not shapes or any(use in link.incomplete for link in links):
         return None  # what is left of an incomplete one may be the hub only
     centre, axis = subject.centre(wheel.joint), subject.axis(wheel.joint)
@@ -187,21 +165,21 @@ def _measured(subject: Subject, wheel: Wheel, use: Use) -> float | None:
     return max((radius for radius in radii if radius is not None), default=None)
 
 
-# Mesh files --------------------------------------------------------------------------------------------
+# Mesh files, and what the URDFs state ------------------------------------------------------------------
 
 
 @check("meshes", "every mesh that the URDFs name is there, can be read and travels with them")
 def meshes(subject: Subject) -> Iterator[Remark]:
     if not subject.meshes:
-        yield does_not_apply("the robot has no meshes")
+        yield ok("does not apply: the robot has no meshes")
         return
     named, reader = [mesh for mesh, _ in subject.meshes], subject.mesh_reader
     # the equations need no mesh, so that none of this is worse than a warning
     if missing := [mesh for mesh in named if mesh.path is None]:
         yield warning(
             _listed(missing, "missing"),
-            "put the files there, or name their packages' folder in field 'urdf.packages' of robot "
-            f"{subject.robot.name!r}; the equations need none, the viewer does",
+            "put the files there, or name their packages' folder in field 'urdf.packages' of "
+            f"{subject.name}; the equations need none, the viewer does",
         )
     paths = dict.fromkeys(mesh.path for mesh in named if mesh.path is not None)
     if reasons := [reader.unreadable[path] for path in paths if reader.vertices(path) is None]:
@@ -221,9 +199,9 @@ def meshes(subject: Subject) -> Iterator[Remark]:
 def _does_not_travel(mesh: MeshReference, urdf: UrdfFile) -> bool:
     """True if a mesh is named by a place that is not in the package of its URDF."""
     scheme, separator, _ = mesh.filename.partition("://")
-    if separator and scheme != "file":
-        return False
-    if scheme == "file" or Path(mesh.filename).is_absolute():
+    if separator:
+        return scheme == "file"
+    if Path(mesh.filename).is_absolute():
         return True
     # the package is, by convention, two folders up: NAME/urdf or NAME/robots
     folder = urdf.path.parent
@@ -240,9 +218,6 @@ def _listed(meshes: Sequence[MeshReference], fault: str) -> str:
 
 def _meshes(count: int) -> str:
     return f"{count} mesh{'es' if count > 1 else ''}"
-
-
-# What the URDFs state ----------------------------------------------------------------------------------
 
 
 @check("urdf", "everything that the URDFs state is taken, or said to be left out")

@@ -10,18 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.checks.checks import (
-    Remark,
-    all_ok,
-    check,
-    derivative,
-    ok,
-    relative,
-    some,
-    warning,
-    wrong,
-)
-from mobman.checks.subject import Link, Subject
+from mobman.checks.checks import Link, Remark, Subject, all_ok, check, ok, some, warning, wrong
+from mobman.checks.equations import derivative, relative
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.shapes import bounds
 
@@ -37,18 +27,15 @@ _SPREAD = 1e10  # of effective inertias: torsos of 100 kg and fingers of grams a
 
 @check("inertias", "masses and inertias are those of bodies that can be")
 def inertias(subject: Subject) -> Iterator[Remark]:
-    robot = subject.robot
     weighing = [link for link in subject.links.values() if link.mass]
     total = float(sum(link.mass or 0.0 for link in weighing))
-    yield from _masses(subject)
+    m = subject.robot.reduced_inertia(subject.robot.q_rest)
+    yield from _masses(subject, np.diag(m))
     yield from _moments(subject, weighing)
-    yield from _densities(weighing, total)
-    yield from _centres(weighing, total)
-    yield from _proportions(subject, total)
-    yield from _condition(subject)
+    yield from _distribution(weighing, _HEAVY * total)
+    yield from _proportions(subject, total, m)
     yield ok(
-        f"{total:.4g} kg in {len(weighing)} links; condition of M at rest "
-        f"{np.linalg.cond(robot.reduced_inertia(robot.q_rest)):.2g}"
+        f"{total:.4g} kg in {len(weighing)} links; condition of M at rest {np.linalg.cond(m):.2g}"
     )
 
 
@@ -60,11 +47,10 @@ def _named(links: Iterable[Link]) -> str:
     return some(repr(link.name) for link in links)
 
 
-def _masses(subject: Subject) -> Iterator[Remark]:
+def _masses(subject: Subject, diagonal: Array) -> Iterator[Remark]:
     """Bodies that move and weigh nothing."""
-    robot, model = subject.robot, subject.robot.model
-    without = {}
-    for name in robot.joint_names:
+    model, without = subject.model, {}
+    for name in subject.robot.joint_names:
         index, body = model.getJointId(name), subject.links_on(name)
         if name in BASE_JOINTS or model.inertias[index].mass > 0.0 or not body:
             continue
@@ -72,29 +58,35 @@ def _masses(subject: Subject) -> Iterator[Remark]:
         # a massless link between two joints that cross is common and harmless, if it has no shape
         if behind == 0.0 or any(link.shapes for link in body):
             without[name] = body[0]
-    if not without:
-        return
-    where = _where(without.values())
-    fix = f"give an <inertial> with <mass> and <inertia> to these links in {where}"
-    listing = some(f"link {link.name!r} (joint {name!r})" for name, link in without.items())
-    found = f"moves without mass: {listing}"
-    diagonal = np.diag(robot.reduced_inertia(robot.q_rest))
-    felt = dict(zip(robot.velocity_names, diagonal / diagonal.max(), strict=True))
-    if suffers := [name for name in without if felt.get(name, 1.0) < _ZERO]:
-        yield wrong(f"{found}; the motors of {some(suffers)} feel no inertia", fix)
-    else:
-        yield warning(found, fix)
+    if without:
+        where = _where(without.values())
+        fix = f"give an <inertial> with <mass> and <inertia> to these links in {where}"
+        listing = some(f"link {link.name!r} (joint {name!r})" for name, link in without.items())
+        felt = dict(zip(subject.robot.velocity_names, diagonal / diagonal.max(), strict=True))
+        suffers = [name for name in without if felt.get(name, 1.0) < _ZERO]
+        motors = f"; the motors of {some(suffers)} feel no inertia" if suffers else ""
+        yield (wrong if suffers else warning)(f"moves without mass: {listing}{motors}", fix)
 
 
 def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Remark]:
-    bodies = _bodies(subject)
-    # links that are fixed to others make up one body with them: that is what moves
-    spoilt = {
-        link.name
-        for joint, moments in bodies.items()
-        if moments[0] < -_ZERO
-        for link in subject.links_on(joint)
-    }
+    spoilt, lacking = set[str](), []
+    for joint in subject.robot.joint_names:
+        # links that are fixed to others make up one body with them: that is what moves
+        body = subject.model.inertias[subject.model.getJointId(joint)]
+        if joint in BASE_JOINTS[:2] or not body.mass > 0.0:
+            continue
+        moments = np.linalg.eigvalsh(np.array(body.inertia))
+        if moments[0] < -_ZERO:
+            spoilt |= {link.name for link in subject.links_on(joint)}
+        elif moments[0] <= _ZERO:
+            links = [link for link in subject.links_on(joint) if link.mass]
+            text = ", ".join(f"{moment:.3g}" for moment in moments)
+            lacking.append(
+                warning(
+                    f"mass without all moments of inertia ({text}): what joint {joint!r} moves",
+                    f"give <inertia> to {_named(links)} in {_where(links)}",
+                )
+            )
     negative = [link for link in weighing if link.moments[0] < -_ZERO]
     for spoils, grade, consequence in (
         (True, wrong, "which spoils the body that moves"),
@@ -105,25 +97,12 @@ def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Remark]:
                 f"negative principal moment of inertia, {consequence}: {_values(links)}",
                 f"check the signs and the unit (kg m^2) of <inertia> in {_where(links)}",
             )
-    for joint, moments in bodies.items():
-        if abs(moments[0]) > _ZERO:
-            continue
-        links = [link for link in subject.links_on(joint) if link.mass]
-        text = ", ".join(f"{moment:.3g}" for moment in moments)
+    yield from lacking
+    sums = [(link, *link.moments) for link in weighing if link.moments[0] >= -_ZERO]
+    if odd := [link for link, a, b, c in sums if a + b < (1.0 - _TRIANGLE) * c - _ZERO]:
         yield warning(
-            f"mass without all moments of inertia ({text}): what joint {joint!r} moves",
-            f"give <inertia> to {_named(links)} in {_where(links)}",
-        )
-    impossible = [
-        link
-        for link in weighing
-        if link.moments[0] >= -_ZERO
-        and link.moments[0] + link.moments[1] < (1.0 - _TRIANGLE) * link.moments[2] - _ZERO
-    ]
-    if impossible:
-        yield warning(
-            f"two principal moments do not add up to the third: {_values(impossible)}",
-            f"check <inertia> of these links in {_where(impossible)}: no body has such moments",
+            f"two principal moments do not add up to the third: {_values(odd)}",
+            f"check <inertia> of these links in {_where(odd)}: no body has such moments",
         )
     massless = [link for link in subject.links.values() if link.mass == 0.0]
     if empty := [link for link in massless if np.any(link.moments > _ZERO)]:
@@ -133,38 +112,30 @@ def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Remark]:
         )
 
 
-def _bodies(subject: Subject) -> dict[str, Array]:
-    """Principal moments of what each joint moves and has mass, ascending (kg m^2), shape (3,)."""
-    model = subject.robot.model
-    bodies = {name: model.inertias[model.getJointId(name)] for name in subject.robot.joint_names}
-    return {
-        name: np.linalg.eigvalsh(np.array(body.inertia))
-        for name, body in bodies.items()
-        if name not in BASE_JOINTS[:2] and body.mass > 0.0
-    }
-
-
 def _values(links: list[Link]) -> str:
-    return some(
-        (f"link {link.name!r} ({', '.join(f'{m:.3g}' for m in link.moments)})" for link in links),
-        "; ",
-    )
+    numbers = [", ".join(f"{moment:.3g}" for moment in link.moments) for link in links]
+    named = zip(links, numbers, strict=True)
+    return some((f"link {link.name!r} ({moments})" for link, moments in named), "; ")
 
 
-def _densities(weighing: list[Link], total: float) -> Iterator[Remark]:
-    heavy, light, floor = {}, {}, _HEAVY * total
+def _distribution(weighing: list[Link], floor: float) -> Iterator[Remark]:
+    """Densities, and centres of mass that are not in their link; of links of some mass (kg)."""
+    heavy, light, outside = dict[str, Link](), dict[str, Link](), dict[str, Link]()
     for link in weighing:
-        mass = link.mass or 0.0
-        lower, upper = bounds(link.solid) if link.solid else np.zeros((2, 3))
-        volume = float(np.prod(upper - lower))
-        if volume <= 0.0:
-            continue  # flat, or without geometry
+        if not link.solid:
+            continue
+        mass, (lower, upper) = link.mass or 0.0, bounds(link.solid)
+        volume = float(np.prod(upper - lower))  # 0 if it is flat
         size = f"{1e3 * volume:.3g} litres" if volume >= 1e-6 else f"{1e9 * volume:.3g} mm^3"
         text = f"link {link.name!r} weighs {mass:.4g} kg for {size}"
-        if mass > _DENSE * volume and mass > floor:
+        if volume > 0.0 and mass > _DENSE * volume and mass > floor:
             heavy[text] = link
-        elif mass < _LIGHT * volume and volume > floor / _LIGHT:
+        elif volume > 0.0 and mass < _LIGHT * volume and volume > floor / _LIGHT:
             light[text] = link
+        away = float(np.linalg.norm(link.com - np.clip(link.com, lower, upper)))
+        far = max(_OUTSIDE, 0.5 * float(np.linalg.norm(upper - lower)))
+        if mass >= floor and away > far:
+            outside[f"link {link.name!r} by {away:.3g} m"] = link
     for found, hint in (
         (heavy, "grams instead of kilograms, or geometry in millimetres or of a small part only?"),
         (light, "tonnes instead of kilograms, or a part that was left out?"),
@@ -172,50 +143,29 @@ def _densities(weighing: list[Link], total: float) -> Iterator[Remark]:
         if found:
             where = f"{_named(found.values())} in {_where(found.values())}"
             yield warning(some(found, "; "), f"check <mass> of {where} ({hint})")
-
-
-def _centres(weighing: list[Link], total: float) -> Iterator[Remark]:
-    """Centres of mass that are not in their link."""
-    outside = {}
-    for link in weighing:
-        if not link.solid or (link.mass or 0.0) < _HEAVY * total:
-            continue
-        lower, upper = bounds(link.solid)
-        away = float(np.linalg.norm(link.com - np.clip(link.com, lower, upper)))
-        if away > max(_OUTSIDE, 0.5 * float(np.linalg.norm(upper - lower))):
-            outside[f"link {link.name!r} by {away:.3g} m"] = link
     if outside:
-        where = _where(outside.values())
         yield warning(
             f"centre of mass outside the geometry: {some(outside)}",
-            f"check <inertial><origin> of these links in {where} (millimetres?)",
+            f"check <inertial><origin> of these links in {_where(outside.values())} (millimetres?)",
         )
 
 
-def _proportions(subject: Subject, total: float) -> Iterator[Remark]:
-    robot, model = subject.robot, subject.robot.model
+def _proportions(subject: Subject, total: float, m: Array) -> Iterator[Remark]:
+    """The robot's mass, its wheels' over its chassis's, and the reduced inertia M at rest."""
+    model, wheels = subject.model, subject.robot.platform.wheels
     if not _FEW <= total <= _MANY:
-        yield warning(
-            f"the robot weighs {total:.4g} kg in all", f"check every <mass> in {subject.files} (kg)"
-        )
-    if not robot.platform.wheels or len(robot.platform_index) == 0:
-        return
-    chassis = float(model.inertias[model.getJointId("base_theta")].mass)
-    wheels = {
-        w.joint: model.inertias[model.getJointId(w.joint)].mass for w in robot.platform.wheels
-    }
-    if heavy := {joint: mass for joint, mass in wheels.items() if mass > chassis}:
-        links = [link for joint in heavy for link in subject.links_on(joint)]
-        masses = some(f"{joint!r} {mass:.4g} kg" for joint, mass in heavy.items())
-        yield warning(
-            f"wheels that are heavier than the chassis of {chassis:.4g} kg: {masses}",
-            f"check <mass> of {_named(links)} in {_where(links)}",
-        )
-
-
-def _condition(subject: Subject) -> Iterator[Remark]:
-    robot = subject.robot
-    m = robot.reduced_inertia(robot.q_rest)
+        found = f"the robot weighs {total:.4g} kg in all"
+        yield warning(found, f"check every <mass> in {subject.files} (kg)")
+    if wheels:
+        chassis = float(model.inertias[model.getJointId("base_theta")].mass)
+        masses = {one.joint: model.inertias[model.getJointId(one.joint)].mass for one in wheels}
+        if heavy := {joint: mass for joint, mass in masses.items() if mass > chassis}:
+            links = [link for joint in heavy for link in subject.links_on(joint)]
+            listing = some(f"{joint!r} {mass:.4g} kg" for joint, mass in heavy.items())
+            yield warning(
+                f"wheels that are heavier than the chassis of {chassis:.4g} kg: {listing}",
+                f"check <mass> of {_named(links)} in {_where(links)}",
+            )
     diagonal = np.diag(m)
     condition = float(np.linalg.cond(m / np.sqrt(np.outer(diagonal, diagonal))))
     if condition > _CONDITION:
@@ -223,11 +173,11 @@ def _condition(subject: Subject) -> Iterator[Remark]:
             f"the reduced inertia M at rest has a condition of {condition:.2g}, units aside",
             f"check the <inertial> elements of {subject.files}: a body has hardly any inertia",
         )
-    if float(diagonal.max()) > _SPREAD * float(diagonal.min()):
-        name = robot.velocity_names[int(np.argmin(diagonal))]
+    least, most = float(diagonal.min()), float(diagonal.max())
+    if most > _SPREAD * least:
+        name = subject.robot.velocity_names[int(np.argmin(diagonal))]
         yield warning(
-            f"{name!r} feels an inertia of {diagonal.min():.2g} (kg m^2 or kg), others of "
-            f"{diagonal.max():.2g}",
+            f"{name!r} feels an inertia of {least:.2g} (kg m^2 or kg), others of {most:.2g}",
             f"check the <inertial> elements of what {name!r} moves in {subject.files}",
         )
 
@@ -246,37 +196,48 @@ def gravity(subject: Subject) -> Iterator[Remark]:
     robot = subject.robot
     _, bias, b = robot.dynamics(robot.q_rest, np.zeros(robot.nz))
     holding: Array = robot.actuation(robot.q_rest) @ np.linalg.solve(b, bias)
-    pull = np.array(robot.model.gravity.linear)
+    pull = np.array(subject.model.gravity.linear)
     if np.any(np.abs(pull[:2]) > 1e-9) or not _EARTH[0] <= -pull[2] <= _EARTH[1]:
         yield wrong(
             f"gravity is {pull.round(4).tolist()} m/s^2",
             "set model.gravity to 9.81 m/s^2 along -z: the platform drives on level ground",
         )
     yield from _gradient(subject)
-    yield from _on_the_platform(subject, bias)
+    weight = float(np.linalg.norm(pull)) * sum(float(one.mass) for one in subject.model.inertias)
+    # a motion of alpha counts for as much as it moves the coordinates
+    size = np.abs(robot.velocity_map(robot.q_rest)[:, : robot.n_alpha]).max(axis=0, initial=0.0)
+    if unbalanced := some(
+        f"{name} {force:.3g}"
+        for name, force, lever in zip(robot.velocity_names, bias, size, strict=False)
+        if abs(force) > _PLATFORM * weight * max(float(lever), 1e-12)
+    ):
+        yield warning(
+            f"gravity drives the platform on level ground: {unbalanced} N m or N",
+            f"check <inertial><origin> of the wheels in {subject.files}: their centre of mass is "
+            "off the axle",
+        )
     units = {name: "N m" if subject.turns(name) else "N" for name in robot.joint_names}
-    limits = robot.model.effortLimit
+    limits = subject.model.effortLimit
     arm = {robot.joint_names[i]: (abs(float(holding[i])), limits[i]) for i in robot.arm_index}
-    weak = some(
+    if weak := some(
         f"joint {name!r} needs {force:.3g} of {effort:.3g} {units[name]}"
         for name, (force, effort) in arm.items()
         if 0.0 < effort < force
-    )
-    if weak:
+    ):
         yield warning(
             f"the motors cannot hold the rest posture: {weak}",
-            f"choose another [rest] of robot {robot.name!r}, or check <limit effort> of these "
-            f"joints and the masses behind them in {subject.files}",
+            f"choose another [rest] of {subject.name}, or check <limit effort> of these joints and "
+            f"the masses behind them in {subject.files}",
         )
     name = max(arm, key=lambda name: arm[name][0])
     yield all_ok(f"held at rest by at most {arm[name][0]:.3g} {units[name]}, of joint {name!r}")
 
 
 def _gradient(subject: Subject) -> Iterator[Remark]:
-    robot, worst, data = subject.robot, 0.0, subject.robot.model.createData()
+    robot, worst, data = subject.robot, 0.0, subject.model.createData()
 
     def potential(q: Array, q_dot: Array, s: float) -> Array:
-        return np.array([pin.computePotentialEnergy(robot.model, data, q + s * q_dot)])
+        return np.array([pin.computePotentialEnergy(subject.model, data, q + s * q_dot)])
 
     for q, z in subject.states(_STATES):
         q_dot, (_, bias, _) = robot.velocity_map(q) @ z, robot.dynamics(q, np.zeros(robot.nz))
@@ -287,25 +248,6 @@ def _gradient(subject: Subject) -> Iterator[Remark]:
         yield wrong(
             f"the gravity term differs from the potential energy's gradient by {worst:.2g} of it",
             f"check the <inertial> elements of {subject.files} and the platform's N",
-        )
-
-
-def _on_the_platform(subject: Subject, bias: Array) -> Iterator[Remark]:
-    robot = subject.robot
-    pull = float(np.linalg.norm(np.array(robot.model.gravity.linear)))
-    weight = pull * sum(float(link.mass) for link in robot.model.inertias)
-    # a motion of alpha counts for as much as it moves the coordinates
-    size = np.abs(robot.velocity_map(robot.q_rest)[:, : robot.n_alpha]).max(axis=0, initial=0.0)
-    unbalanced = some(
-        f"{name} {force:.3g}"
-        for name, force, lever in zip(robot.velocity_names, bias, size, strict=False)
-        if abs(force) > _PLATFORM * weight * max(float(lever), 1e-12)
-    )
-    if unbalanced:
-        yield warning(
-            f"gravity drives the platform on level ground: {unbalanced} N m or N",
-            f"check <inertial><origin> of the wheels in {subject.files}: their centre of mass is "
-            "off the axle",
         )
 
 
@@ -322,16 +264,20 @@ _STEEP = 1e6  # times the entries of N at rest: a singularity
 
 @check("limits", "limits are there, in radians and metres, and the rest posture is inside them")
 def limits(subject: Subject) -> Iterator[Remark]:
+    model = subject.model
+    bounds = zip(model.lowerPositionLimit.tolist(), model.upperPositionLimit.tolist(), strict=True)
+    ends = dict(zip(subject.robot.joint_names, bounds, strict=True))
     for part in (_rest, _missing, _units, _steering):
-        yield from part(subject)
+        yield from part(subject, ends)
     yield all_ok("positions, velocities and efforts are limited, and rest is inside")
 
 
-def _rest(subject: Subject) -> Iterator[Remark]:
-    robot, model, near = subject.robot, subject.robot.model, []
-    for i, name in enumerate(robot.joint_names):
-        rest = float(robot.q_rest[i])
-        lower, upper = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+_Ends = dict[str, tuple[float, float]]  # position limits by joint (m, rad)
+
+
+def _rest(subject: Subject, ends: _Ends) -> Iterator[Remark]:
+    near, rests = [], subject.robot.q_rest.tolist()
+    for (name, (lower, upper)), rest in zip(ends.items(), rests, strict=True):
         span, margin = upper - lower, min(rest - lower, upper - rest)
         if span <= 0.0:
             yield wrong(
@@ -341,46 +287,44 @@ def _rest(subject: Subject) -> Iterator[Remark]:
         elif not margin >= 0.0:
             yield wrong(
                 f"joint {name!r} rests at {rest:.4g}, outside {lower:.4g} to {upper:.4g}",
-                f"choose another field 'rest.{name}' of robot {robot.name!r}",
+                f"choose another field 'rest.{name}' of {subject.name}",
             )
         elif span < _UNBOUNDED and margin < _NEAR * span:
             near.append(f"joint {name!r} at {rest:.4g} of {lower:.4g} to {upper:.4g}")
     if near:
         yield warning(
             f"rests at a limit: {some(near)}",
-            f"move it away from there in [rest] of robot {robot.name!r}: nothing stops a joint there",
+            f"move it away from there in [rest] of {subject.name}: nothing stops a joint there",
         )
 
 
-def _missing(subject: Subject) -> Iterator[Remark]:
-    robot, model = subject.robot, subject.robot.model
+def _missing(subject: Subject, ends: _Ends) -> Iterator[Remark]:
+    robot, model = subject.robot, subject.model
     driven = np.any(robot.actuation(robot.q_rest) != 0.0, axis=1)  # front wheels of cars are not
     without = (*BASE_JOINTS, *robot.platform.virtual_joints)
     for kind, values, needed in (
         ("velocity", model.velocityLimit, np.ones(robot.nq, dtype=bool)),
         ("effort", model.effortLimit, driven),
     ):
-        lacking = some(
+        if lacking := some(
             repr(name)
-            for name, value, wanted in zip(robot.joint_names, values, needed, strict=True)
-            if name not in without and wanted and not (math.isfinite(value) and value > 0.0)
-        )
-        if lacking:
+            for name, value, wanted in zip(ends, values, needed, strict=True)
+            if name not in without and wanted and not 0.0 < value < math.inf
+        ):
             yield warning(
                 f"no {kind} limit: joints {lacking}",
                 f"give {kind} in <limit> of these joints in the URDF, if it is to be compared with",
             )
 
 
-def _units(subject: Subject) -> Iterator[Remark]:
-    robot, model = subject.robot, subject.robot.model
+def _units(subject: Subject, ends: _Ends) -> Iterator[Remark]:
+    robot = subject.robot
     wheels = {wheel.joint for wheel in robot.platform.wheels}
-    for i, name in enumerate(robot.joint_names):
+    for i, (name, both) in enumerate(ends.items()):
         if name in BASE_JOINTS:
             continue
-        ends = np.abs([model.lowerPositionLimit[i], model.upperPositionLimit[i]])
-        largest, turns = float(ends[ends < _UNBOUNDED].max(initial=0.0)), subject.turns(name)
-        limit = f"of joint {name!r} in the URDF"
+        largest = max((abs(end) for end in both if abs(end) < _UNBOUNDED), default=0.0)
+        turns, limit = subject.turns(name), f"of joint {name!r} in the URDF"
         # wheels turn on and on: huge limits are how some exporters write that
         if name not in wheels and largest > (_TURNS if turns else _SLIDES):
             unit, other = ("rad", "degrees") if turns else ("m", "millimetres")
@@ -388,7 +332,7 @@ def _units(subject: Subject) -> Iterator[Remark]:
                 f"joint {name!r} has a limit of {largest:g} {unit}",
                 f"check <limit> {limit}: {other} instead of {unit}?",
             )
-        speed = float(model.velocityLimit[i])
+        speed = float(subject.model.velocityLimit[i])
         if turns and i in robot.arm_index and _FAST < speed < _UNBOUNDED:
             yield warning(
                 f"joint {name!r} may turn at {speed:g} rad/s",
@@ -397,21 +341,18 @@ def _units(subject: Subject) -> Iterator[Remark]:
         if turns and largest == 0.0 and abs(robot.q_rest[i]) > _TURNS:
             yield warning(
                 f"joint {name!r} rests at {robot.q_rest[i]:g} rad",
-                f"check field 'rest.{name}' of robot {robot.name!r}: degrees instead of rad?",
+                f"check field 'rest.{name}' of {subject.name}: degrees instead of rad?",
             )
 
 
-def _steering(subject: Subject) -> Iterator[Remark]:
-    robot, model = subject.robot, subject.robot.model
-    names = robot.platform.coordinates
-    x = robot.q_rest[robot.platform_index]
-    across = np.where(np.isin(names, subject.steering), 0.5 * math.pi, x)
-    sizes = [float(np.abs(robot.platform.velocity_map(at)).max(initial=0.0)) for at in (x, across)]
+def _steering(subject: Subject, ends: _Ends) -> Iterator[Remark]:
+    platform, x = subject.robot.platform, subject.robot.q_rest[subject.robot.platform_index]
+    across = np.where(np.isin(platform.coordinates, subject.steering), 0.5 * math.pi, x)
+    sizes = [float(np.abs(platform.velocity_map(at)).max(initial=0.0)) for at in (x, across)]
     if not sizes[1] > _STEEP * sizes[0]:
         return  # nothing is singular there
     for name in subject.steering:
-        i = robot.joint_names.index(name)
-        largest = max(abs(float(model.lowerPositionLimit[i])), float(model.upperPositionLimit[i]))
+        largest = max(abs(ends[name][0]), ends[name][1])
         if largest >= _STEERING:
             limit = f"{largest:.4g} rad" if largest < _UNBOUNDED else "any angle"
             yield warning(

@@ -9,8 +9,8 @@ import pytest
 from support.differences import derivative
 
 import mobman as mm
+from mobman.checks.checks import Subject
 from mobman.checks.closed_loop import CLOSE, gaps
-from mobman.checks.subject import Subject
 from mobman.errors import UsageError
 from mobman.tasks.paths import Harmonics, PointToPoint
 from mobman.tasks.task import make_task, task_entry
