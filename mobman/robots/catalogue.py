@@ -125,7 +125,11 @@ def find_spec(name_or_path: str | os.PathLike[str], **facts: Any) -> RobotSpec:
         raise UsageError(f"{name_or_path!r} is not a robot: expected a name or a TOML file")
     text = os.fspath(name_or_path)
     if text.lower().endswith(URDF_ENDINGS) or (os.sep in text and os.path.isdir(text)):
-        return _inferred(os.path.abspath(text), _stamp(text), _options(facts))
+        stamp = (0, 0)  # another one when the file has changed
+        with suppress(OSError, ValueError):
+            status = os.stat(text)
+            stamp = (status.st_mtime_ns, status.st_size)
+        return _inferred(os.path.abspath(text), stamp, _options(facts))
     if facts:
         raise UsageError(f"{', '.join(facts)}: only for a URDF or a model; {text!r} is neither")
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):
@@ -134,20 +138,13 @@ def find_spec(name_or_path: str | os.PathLike[str], **facts: Any) -> RobotSpec:
         return _registered[text]
     if text in (own := own_robots()):
         return read_spec(own[text])
+    own_name = {"name": text}  # that it is found by, whatever its field says
     if text in (users := _users()):
-        return _called(text, read_spec(users[text]))
+        return read_spec(users[text]).model_copy(update=own_name)
     if text in (plugins := _plugins()) and (spec := _load_plugin(plugins[text])) is not None:
-        return _called(text, spec)
+        return spec.model_copy(update=own_name)
     # a broken package's name is no choice
     raise UnknownNameError("robot", text, set(list_robots()) - {text})
-
-
-def _stamp(path: str) -> tuple[int, int]:
-    """Another value when a file has changed."""
-    with suppress(OSError, ValueError):
-        status = os.stat(path)
-        return status.st_mtime_ns, status.st_size
-    return 0, 0
 
 
 def _options(facts: Mapping[str, Any]) -> Options:
@@ -155,12 +152,8 @@ def _options(facts: Mapping[str, Any]) -> Options:
     allowed = {field.name: field for field in fields(Options) if field.name != "types"}
     if unknown := sorted(set(facts) - set(allowed)):
         raise UsageError(f"{unknown[0]!r} is no fact of a URDF; allowed: {', '.join(allowed)}")
-    several = {name for name, field in allowed.items() if field.default == ()}
-    listed = {
-        name: (value,) if isinstance(value, str) else tuple(value)
-        for name, value in facts.items()
-        if name in several
-    }
+    lists = {name: value for name, value in facts.items() if allowed[name].default == ()}
+    listed = {n: (v,) if isinstance(v, str) else tuple(v) for n, v in lists.items()}
     return Options(**{**facts, **listed})
 
 
@@ -168,27 +161,22 @@ def _options(facts: Mapping[str, Any]) -> Options:
 def _inferred(path: str, stamp: tuple[int, int], options: Options) -> RobotSpec:
     """The description of a URDF, inferred and reported once for each state of the file."""
     try:
-        found = describe(path, options)
+        robot = describe(path, options)
     except Undecided as error:
         raise UsageError(f"{error}; 'mobman robots add {path}' takes these options") from error
-    facts = found.found.summary()
+    facts = robot.found.summary()
     wheels = f", wheels {', '.join(facts['wheels'])}" if facts["wheels"] else ""
     radius = "" if facts["wheel_radius"] is None else f" of {facts['wheel_radius']:.4g} m"
-    doubts = "".join(f"; uncertain: {doubt}" for doubt in found.found.uncertain)
-    more = "".join(f"; {said}" for said in found.warnings)
+    locked = f"{len(facts['locked'])} joints locked"
+    said = (*(f"uncertain: {doubt}" for doubt in robot.found.uncertain), *robot.warnings)
     warnings.warn(
-        f"{os.path.basename(path)} is taken as robot {found.name!r}: {facts['platform']} platform"
+        f"{os.path.basename(path)} is taken as robot {robot.name!r}: {facts['platform']} platform"
         f"{wheels}{radius}, arm of {len(facts['arm_joints'])} joints, tip {facts['tip']}, "
-        f"{len(facts['locked'])} joints locked{doubts}{more}; 'mobman robots add {path}' writes it "
-        "down, to be read and changed",
+        f"{'; '.join((locked, *said))}; 'mobman robots add {path}' writes it down, to be read and "
+        "changed",
         stacklevel=4,
     )
-    return found.spec()
-
-
-def _called(name: str, spec: RobotSpec) -> RobotSpec:
-    """A description under the name that it is found by, whatever its field says."""
-    return spec if spec.name == name else spec.model_copy(update={"name": name})
+    return robot.spec()
 
 
 def _users() -> dict[str, Path]:

@@ -6,7 +6,6 @@ import os
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,26 +25,17 @@ from mobman.toml_model import validate
 class OnLink(NamedTuple):
     """Something to be mounted."""
 
-    source: str
-    """As of :func:`incoming`."""
-    link: str | None
-    """Link that carries it; None if the user did not say."""
+    source: str  # as of :func:`incoming`
+    link: str | None  # link that carries it; None if the user did not say
     prefix: str = ""
 
 
-@dataclass(frozen=True)
-class UrdfPart:
-    """A URDF of a robot.
+class UrdfPart(NamedTuple):
+    """A URDF of a robot."""
 
-    Attributes:
-        given: Where it came from.
-        file: It.
-        mount: How it is mounted; None for the platform's.
-    """
-
-    given: Incoming
+    given: Incoming  # where it came from
     file: UrdfFile
-    mount: OnLink | None = None
+    mount: OnLink | None = None  # how it is mounted; None for the platform's
 
     def source(self, path: Path, folder: Path | None, packages: Sequence[Path]) -> UrdfSource:
         """The table of a TOML in a folder (None: in the user's) for this part, its file at a path."""
@@ -56,34 +46,23 @@ class UrdfPart:
         return Mount(**own.model_dump(), parent=parent, prefix=prefix)
 
 
-@dataclass(frozen=True)
-class Described:
-    """A robot as it is found.
+class Described(NamedTuple):
+    """A robot as it is found."""
 
-    Attributes:
-        name: A name for it.
-        parts: Its URDFs: the platform's, then what is mounted.
-        found: What was inferred of all of them together.
-        packages: Folders that the user named for the meshes.
-        warnings: What was done to get the files, and what of them has no effect.
-    """
-
-    name: str
-    parts: tuple[UrdfPart, ...]
-    found: Inference
-    packages: tuple[Path, ...]
+    name: str  # a name for it
+    parts: tuple[UrdfPart, ...]  # its URDFs: the platform's, then what is mounted
+    found: Inference  # what was inferred of all of them together
+    packages: tuple[Path, ...]  # folders that the user named for the meshes
     warnings: tuple[str, ...]
+    """What was done to get the files, and what of them has no effect."""
 
     def toml(self, sources: Sequence[UrdfSource]) -> str:
         """The text of its TOML, with these tables for its parts."""
-        names = [
-            {joint.get("name", "") for joint in part.file.parse().findall("joint")}
-            for part in self.parts
-        ]
+        trees = [part.file.parse() for part in self.parts]
+        names = [{one.get("name", "") for one in tree.findall("joint")} for tree in trees]
         origin = self.parts[0].given.origin or self.parts[0].file.path
-        return robot_toml(
-            self.found, self.name, list(zip(sources, names, strict=True)), self.warnings, origin
-        )
+        own = list(zip(sources, names, strict=True))
+        return robot_toml(self.found, self.name, own, self.warnings, origin)
 
     def spec(self) -> RobotSpec:
         """The description itself, its files where they are."""
@@ -121,13 +100,17 @@ def describe(
         SpecError: If a file is no URDF that makes sense.
         Undecided: If something takes an option; all that does is in the message.
     """
-    parts = [_part(source, packages, arguments, up=up)]
-    parts += [_part(m.source, packages, arguments, mount=m) for m in mounts]
+    parts = []
+    for mount in (None, *mounts):
+        named = source if mount is None else mount.source
+        given = incoming(named, packages=packages, arguments=arguments)
+        folders = (*given.packages, *given.path.parents)
+        axis = up if mount is None else "z"
+        parts.append(UrdfPart(given, UrdfFile(given.path, folders, up=axis), mount))
     base = parts[0]
     inside = base.file.parse().get("name", "")
     chosen = choose_name(name, output, inside, base.given.origin or base.file.path)
-    whole = base.file if len(parts) == 1 else _mounted(parts)
-    found = infer(whole, options or Options())
+    found = infer(base.file if len(parts) == 1 else _mounted(parts), options or Options())
     said = [text for part in parts for text in (*part.given.said, *part.file.remarks)]
     if stated := [name for part in parts for name in part.file.friction]:
         said.append(
@@ -138,22 +121,9 @@ def describe(
     return Described(chosen, tuple(parts), found, tuple(packages), warnings)
 
 
-def _part(
-    source: str | os.PathLike[str],
-    packages: Sequence[Path],
-    arguments: Mapping[str, str] | None,
-    *,
-    up: str = "z",
-    mount: OnLink | None = None,
-) -> UrdfPart:
-    given = incoming(source, packages=packages, arguments=arguments)
-    folders = (*given.packages, *given.path.parents)
-    return UrdfPart(given, UrdfFile(given.path, folders, up=up), mount)
-
-
 def _mounted(parts: Sequence[UrdfPart]) -> UrdfFile:
     """One URDF of all parts, as the description will have them, its meshes by absolute paths."""
-    trees, base = [], parts[0].file
+    trees, mounted = [], []
     for part in parts:
         tree = part.file.parse()
         paths = {mesh.filename: mesh.path for mesh in mesh_paths(tree, part.file)}
@@ -161,16 +131,15 @@ def _mounted(parts: Sequence[UrdfPart]) -> UrdfFile:
             if (path := paths.get(mesh.get("filename", "").strip())) is not None:
                 mesh.set("filename", str(path))
         trees.append(tree)
-    mounted = []
-    for tree, part in zip(trees[1:], parts[1:], strict=True):
-        assert part.mount is not None
-        if part.mount.link is None:
-            links = ", ".join(link.get("name", "") for link in trees[0].findall("link"))
-            raise Undecided(f"which link carries {part.mount.source}? Give --on; links: {links}")
-        mount = Mount(path=str(part.file.path), parent=part.mount.link, prefix=part.mount.prefix)
-        mounted.append(Mounted(tree, mount, f"--mount {part.mount.source}: field 'mount"))
+        if (on := part.mount) is not None:
+            if on.link is None:
+                links = ", ".join(link.get("name", "") for link in trees[0].findall("link"))
+                raise Undecided(f"which link carries {on.source}? Give --on; links: {links}")
+            mount = Mount(path=str(part.file.path), parent=on.link, prefix=on.prefix)
+            mounted.append(Mounted(tree, mount, f"--mount {on.source}: field 'mount"))
     try:
         whole = compose(trees[0], mounted)
     except SpecError as error:
         raise Undecided(f"{error} (by --on, --prefix)") from error
+    base = parts[0].file
     return UrdfFile(base.path, base.package_folders, ET.tostring(whole))

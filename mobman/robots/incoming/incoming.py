@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
+import importlib.util
 import os
 import re
 import stat
 import sys
+import types
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
 
-from mobman.errors import MobmanError, SpecError, UsageError
+from mobman.errors import FOREIGN_ERRORS, MobmanError, SpecError, UnknownNameError, UsageError
 from mobman.files import read_input, write_whole
-from mobman.robots.incoming import described, mujoco_model, sdf_file, xacro_file
+from mobman.isolation import helper
+from mobman.robots.incoming import mujoco_model, sdf_file
 from mobman.robots.places import made_folder
-from mobman.robots.urdf.read import MEGABYTES, parse_xml
+from mobman.robots.urdf.meshes import MeshFinder
+from mobman.robots.urdf.read import MEGABYTES, UrdfFile, macros, parse_xml
 from mobman.robots.urdf.validate import listed
 
 URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".zip")
@@ -30,21 +36,21 @@ _PLAIN = "robot.urdf"  # a name that says nothing: that of the robot is looked f
 
 @dataclass(frozen=True)
 class Incoming:
-    """A URDF on disk.
+    """A URDF on disk."""
 
-    Attributes:
-        path: The file; absolute.
-        packages: Folders in which packages of its meshes are looked for, the user's own first.
-        made: True if it was made from something else, and lies among mobman's own files.
-        said: What was done to get it, and what is not in it, in sentences.
-        origin: The file that it was made from; None if that is itself, or a pipe.
-    """
-
-    path: Path
+    path: Path  # the file; absolute
     packages: tuple[Path, ...] = ()
+    """Folders in which packages of its meshes are looked for, the user's own first."""
     made: bool = False
-    said: tuple[str, ...] = ()
+    """True if it was made from something else, and lies among mobman's own files."""
+    said: tuple[str, ...] = ()  # what was done to get it, and what is not in it, in sentences
     origin: Path | None = None
+    """The file that it was made from; None if that is itself, or a pipe."""
+
+
+class _Given(NamedTuple):
+    packages: tuple[Path, ...]
+    arguments: Mapping[str, str]
 
 
 def incoming(
@@ -65,9 +71,9 @@ def incoming(
         UsageError: If it is none of these, or there are several.
         SpecError: If it cannot be read or made into a URDF.
     """
-    text, own = os.fspath(source), tuple(packages)
+    text, given = os.fspath(source), _Given(tuple(packages), arguments or {})
     if text == "-":
-        return _of_content(_piped(sys.stdin.fileno(), "standard input"), None, own, arguments)
+        return _of_content(_piped(sys.stdin.fileno(), "standard input"), None, given)
     if _ADDRESS.match(text):
         raise UsageError(f"{text} is not fetched; download it first, and name the file")
     path = Path(text.removeprefix("file://"))
@@ -75,18 +81,16 @@ def incoming(
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:
         if _ROS_NAME.fullmatch(text):
-            return _of_file(described.urdf_of(text), own, arguments)
-        if isinstance(error, OSError) and path.is_symlink() and not path.exists():
-            raise UsageError(f"there is no URDF at {os.path.realpath(path)}") from error
-        raise UsageError(f"there is no URDF at {os.path.abspath(text)}") from error
+            return _of_file(_described(text), given)
+        link = isinstance(error, OSError) and path.is_symlink() and not path.exists()
+        place = os.path.realpath(path) if link else os.path.abspath(text)
+        raise UsageError(f"there is no URDF at {place}") from error
     if stat.S_ISDIR(mode):
-        return _of_folder(path, own, arguments)
+        return _of_folder(path, given)
     if stat.S_ISFIFO(mode) or stat.S_ISCHR(mode):
         with path.open("rb") as pipe:
-            return _of_content(_piped(pipe.fileno(), str(path)), None, own, arguments)
-    if path.suffix.lower() == ".zip":
-        return _of_archive(path, own, arguments)
-    return _of_file(path, own, arguments)
+            return _of_content(_piped(pipe.fileno(), str(path)), None, given)
+    return (_of_archive if path.suffix.lower() == ".zip" else _of_file)(path, given)
 
 
 def _piped(descriptor: int, what: str) -> bytes:
@@ -102,19 +106,36 @@ def _piped(descriptor: int, what: str) -> bytes:
     return content
 
 
-def _of_file(
-    path: Path, packages: tuple[Path, ...], arguments: Mapping[str, str] | None
-) -> Incoming:
+def _described(name: str) -> Path:
+    """The URDF of a robot of robot_descriptions, which that package fetches where it is not there."""
+    if importlib.util.find_spec("robot_descriptions") is None:
+        raise UsageError(
+            f"there is no file {name!r}; if it is a robot of the package robot_descriptions, install "
+            "that: pip install 'mobman[descriptions]'"
+        )
+    known = importlib.import_module("robot_descriptions").DESCRIPTIONS
+    if name not in known:
+        raise UnknownNameError("robot of robot_descriptions", name, known)
+    try:
+        module = importlib.import_module(f"robot_descriptions.{name}")
+        path = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
+    except FOREIGN_ERRORS as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UsageError(
+            f"robot_descriptions cannot fetch {name!r}: {reason[:200]}; it needs git and a network the "
+            "first time"
+        ) from error
+    if path is None:
+        raise UsageError(f"{name!r} of robot_descriptions has neither a URDF nor an MJCF file")
+    return Path(path)
+
+
+def _of_file(path: Path, given: _Given) -> Incoming:
     content = read_input(path, "URDF", MEGABYTES, "geometry belongs in meshes")
-    return _of_content(content, path.resolve(), packages, arguments)
+    return _of_content(content, path.resolve(), given)
 
 
-def _of_content(
-    content: bytes,
-    path: Path | None,
-    packages: tuple[Path, ...],
-    arguments: Mapping[str, str] | None,
-) -> Incoming:
+def _of_content(content: bytes, path: Path | None, given: _Given) -> Incoming:
     """A URDF of a file's content; the path is None if it came through a pipe."""
     where = f"the URDF {path}" if path is not None else "the URDF of the pipe"
     try:
@@ -122,45 +143,40 @@ def _of_content(
     except SpecError:
         if path is None:
             raise
-        return Incoming(path, packages)  # whoever reads it says what is wrong
+        return Incoming(path, given.packages)  # whoever reads it says what is wrong
     beside = path if path is not None else Path.cwd() / _PLAIN
-    name = f"{beside.name.split('.')[0] or 'robot'}.urdf"
+    files: dict[str, bytes] = {}
     if root.tag == "mujoco":
         text, said, files = mujoco_model.urdf_of(content, beside)
-        kept = keep_urdf(name, text.encode(), files)
-        return Incoming(kept, packages, True, tuple(said), path)
-    if root.tag == "sdf":
+    elif root.tag == "sdf":
         text, said = sdf_file.urdf_of(root, where.replace("URDF", "SDF file"))
-        found = (*packages, beside.parent, *beside.parent.parents)
-        return Incoming(keep_urdf(name, text.encode()), found, True, tuple(said), path)
-    if root.tag == "robot" and xacro_file.is_xacro(root):
-        text, said = xacro_file.expanded(content, beside, packages, dict(arguments or {}))
-        found = (*packages, beside.parent, *beside.parent.parents)
-        return Incoming(keep_urdf(name, text.encode()), found, True, tuple(said), path)
-    if arguments:
+    elif root.tag == "robot" and next(macros(root), None):
+        text, said = _expanded(content, beside, *given)
+    elif given.arguments:
         raise UsageError("--xacro-arg is for files of xacro, which this is not")
-    if path is None:
+    elif path is None:
         kept = keep_urdf(_PLAIN, content)
-        return Incoming(kept, (*packages, Path.cwd()), True, (f"a copy is kept: {kept}",))
-    return Incoming(path, packages)
+        return Incoming(kept, (*given.packages, Path.cwd()), True, (f"a copy is kept: {kept}",))
+    else:
+        return Incoming(path, given.packages)
+    kept = keep_urdf(f"{beside.name.split('.')[0] or 'robot'}.urdf", text.encode(), files)
+    folders = (*given.packages, *(() if root.tag == "mujoco" else beside.parents))
+    return Incoming(kept, folders, True, tuple(said), path)
 
 
-def _of_folder(
-    folder: Path, packages: tuple[Path, ...], arguments: Mapping[str, str] | None
-) -> Incoming:
+def _of_folder(folder: Path, given: _Given) -> Incoming:
     """The only URDF of a folder, or else the only xacro file that is no part of another."""
     files = list(_files(folder))
     found = [path for path in files if path.suffix.lower() == ".urdf"]
-    if not found:
-        found = [path for path in files if path.name.lower().endswith(".urdf.xacro")]
+    found = found or [path for path in files if path.name.lower().endswith(".urdf.xacro")]
     if not found:
         raise UsageError(f"there is no URDF in the folder {folder.resolve()}")
     if len(found) > 1:
         names = listed(str(path.relative_to(folder)) for path in found)
         raise UsageError(f"{folder} has {len(found)} robots: name one of {names}")
-    given = _of_file(found[0], packages, arguments)
-    said = (f"the robot of the folder {folder} is {found[0].relative_to(folder)}", *given.said)
-    return replace(given, said=said)
+    only = _of_file(found[0], given)
+    said = f"the robot of the folder {folder} is {found[0].relative_to(folder)}"
+    return replace(only, said=(said, *only.said))
 
 
 def _files(folder: Path) -> Iterator[Path]:
@@ -168,29 +184,22 @@ def _files(folder: Path) -> Iterator[Path]:
     for place, folders, names in os.walk(folder):
         deep = len(Path(place).relative_to(folder).parts) >= _DEPTH
         folders[:] = [] if deep else sorted(f for f in folders if not f.startswith("."))
-        for name in sorted(names):
-            count += 1
-            if count > _MOST_FILES:
-                raise UsageError(
-                    f"{folder} has more than {_MOST_FILES} files; name the URDF itself"
-                )
-            yield Path(place) / name
+        count += len(names)
+        if count > _MOST_FILES:
+            raise UsageError(f"{folder} has more than {_MOST_FILES} files; name the URDF itself")
+        yield from (Path(place) / name for name in sorted(names))
 
 
-def _of_archive(
-    path: Path, packages: tuple[Path, ...], arguments: Mapping[str, str] | None
-) -> Incoming:
+def _of_archive(path: Path, given: _Given) -> Incoming:
     """The only robot of a ZIP archive, whose files are kept.
 
     Raises:
         SpecError: If it is no archive, too large, or would write outside its folder.
     """
     try:
-        digest = hashlib.sha256()
         with path.open("rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-        folder = made_folder() / digest.hexdigest()[:16] / path.stem
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        folder = made_folder() / digest[:16] / path.stem
         with zipfile.ZipFile(path) as archive:
             entries = [entry for entry in archive.infolist() if not entry.is_dir()]
             if len(entries) > _MOST_FILES:
@@ -199,11 +208,8 @@ def _of_archive(
                 raise SpecError(f"{path} unpacks to more than {_MOST_MEGABYTES:g} MB")
             for entry in entries:
                 inner = PurePosixPath(entry.filename.replace("\\", "/"))
-                if (
-                    inner.is_absolute()
-                    or ".." in inner.parts
-                    or stat.S_ISLNK(entry.external_attr >> 16)
-                ):
+                link = stat.S_ISLNK(entry.external_attr >> 16)
+                if inner.is_absolute() or ".." in inner.parts or link:
                     raise SpecError(f"{path}: {entry.filename!r} leads outside the archive")
                 target = folder / inner
                 if not (target.is_file() and target.stat().st_size == entry.file_size):
@@ -215,23 +221,115 @@ def _of_archive(
         raise SpecError(f"cannot read the archive {path}: {error}") from error
     except OSError as error:
         raise SpecError(f"cannot unpack the archive {path}: {error.strerror or error}") from error
-    given = _of_folder(folder, packages, arguments)
-    said = (f"{path.name} is unpacked to {folder}", *given.said[1:])
-    return replace(given, made=True, said=said, origin=given.origin or given.path)
+    only = _of_folder(folder, given)
+    said = (f"{path.name} is unpacked to {folder}", *only.said[1:])
+    return replace(only, made=True, said=said, origin=only.origin or only.path)
 
 
 def keep_urdf(name: str, content: bytes, files: Mapping[str, bytes] | None = None) -> Path:
     """A place for a made URDF and the files that belong to it, the same for the same content."""
-    files, digest = files or {}, hashlib.sha256(content)
-    for key in sorted(files):
-        digest.update(key.encode() + files[key])
+    every, digest = {name: content, **(files or {})}, hashlib.sha256(content)
+    for key in sorted(files or {}):
+        digest.update(key.encode() + every[key])
     folder = made_folder() / digest.hexdigest()[:16]
     try:
-        for inner, own in {name: content, **files}.items():
+        for inner, own in every.items():
             (folder / inner).parent.mkdir(parents=True, exist_ok=True)
             write_whole(folder / inner, own)
     except OSError as error:
-        raise MobmanError(
-            f"cannot write the URDF in {folder}: {error.strerror or error}"
-        ) from error
+        why = error.strerror or error
+        raise MobmanError(f"cannot write the URDF in {folder}: {why}") from error
     return folder / name
+
+
+# Files of xacro, expanded by the package xacro in a process of its own ---------------------------------
+
+# The language evaluates expressions of Python. The package refuses names that begin with ``__``; here
+# all attributes of the interpreter (frames, code, classes) are refused as well, there is no environment,
+# and time and memory are limited. Files that a xacro file includes are read wherever they lie.
+_SECONDS, _HELPER_MEGABYTES = 30.0, 500.0
+_FORBIDDEN = re.compile(r"_.*|(gi|cr|ag|tb|f|co|func)_.*|mro|format|format_map")
+"""Names of attributes that lead from a value to the interpreter."""
+_BANNER = re.compile(r"<!--\s*(=+|\|.*?\|)\s*-->\s*", re.DOTALL)
+
+
+def _expanded(
+    content: bytes, path: Path, packages: Sequence[Path], arguments: Mapping[str, str]
+) -> tuple[str, list[str]]:
+    """The URDF of a xacro file, and what was run for it."""
+    if importlib.util.find_spec("xacro") is None:
+        raise UsageError(
+            f"{path} is written in xacro, which makes a URDF of it; install the package xacro: pip "
+            f"install 'mobman[xacro]', or run xacro yourself: xacro {path.name} > robot.urdf"
+        )
+    if not path.is_file() or path.read_bytes() != content:  # of a pipe: its place is not its own
+        raise SpecError("xacro cannot be read from a pipe, since it includes files; name the file")
+    limits = {"seconds": _SECONDS, "megabytes": _HELPER_MEGABYTES}
+    try:
+        text, included = helper.call(
+            f"{__name__}:expand", str(path), dict(arguments), list(map(str, packages)), **limits
+        )
+    except MobmanError as error:
+        raise SpecError(f"{path} cannot be expanded by xacro: {error}") from error
+    files = f", with {len(included)} files that it includes" if included else ""
+    return text, [f"expanded by xacro, which evaluates the expressions of {path.name}{files}"]
+
+
+def expand(path: str, arguments: dict[str, str], folders: list[str]) -> list[Any]:
+    """Do the work of :func:`_expanded` in this process."""
+    xacro: Any = importlib.import_module("xacro")
+    substitution: Any = importlib.import_module("xacro.substitution_args")
+    urdf = UrdfFile(Path(path), (*map(Path, folders), *Path(path).parents))
+
+    def find(name: str) -> str:
+        if not (found := MeshFinder(urdf).package(name)):
+            advice = "name the folder that holds it by --package-path"
+            raise MobmanError(f"$(find {name}): there is no package {name!r}; {advice}")
+        return str(found[0])
+
+    def guarded(expression: str, known: dict[str, Any], own: Any = None) -> Any:
+        code = compile(expression.strip(), "<expression>", "eval")
+        _refuse_inner(code, expression)
+        known.update(__builtins__={})
+        return eval(code, known, own)  # no name of it leads out of its values
+
+    def evaluated(expression: str, context: dict[str, Any]) -> str:
+        given = context.get("arg", {}).items()
+        values = {name: substitution.convert_value(value, "auto") for name, value in given}
+        known = {k: v for k, v in substitution._eval_dict.items() if k != "__builtins__"}
+        known |= {"arg": values.__getitem__, "find": find, "dirname": lambda: os.path.dirname(path)}
+        known |= {kind.__name__: kind for kind in (list, dict, map, str, float, int)}
+        return str(guarded(expression, known | values))
+
+    before = dict(os.environ)
+    kept = xacro.safe_eval, substitution._eval, substitution._eval_find
+    try:
+        os.environ.clear()
+        xacro.safe_eval, substitution._eval, substitution._eval_find = guarded, evaluated, find
+        xacro.all_includes.clear()
+        document = xacro.process_file(path, mappings=dict(arguments), verbosity=0)
+        text = _BANNER.sub("", document.toprettyxml(indent="  "))
+    except MobmanError:
+        raise
+    except RecursionError:
+        raise MobmanError("its macros or properties call each other without end") from None
+    except Exception as error:  # the package raises what its parser, yaml and expressions raise
+        raise MobmanError(" ".join(str(error).split()) or type(error).__name__) from None
+    finally:
+        os.environ.update(before)
+        xacro.safe_eval, substitution._eval, substitution._eval_find = kept
+    if len(text) > MEGABYTES * 1e6:
+        raise MobmanError(f"it makes a URDF of {len(text) / 1e6:.3g} MB; allowed: {MEGABYTES:g} MB")
+    return [text, sorted({str(name) for name in xacro.all_includes})]
+
+
+def _refuse_inner(code: types.CodeType, expression: str) -> None:
+    """
+    Raises:
+        MobmanError: If an expression uses a name that leads to the interpreter.
+    """
+    if wrong := [name for name in code.co_names if _FORBIDDEN.fullmatch(name)]:
+        raise MobmanError(f"the expression {expression[:80]!r} uses {wrong[0]!r}, which is refused")
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            _refuse_inner(constant, expression)

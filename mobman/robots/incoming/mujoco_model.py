@@ -7,6 +7,7 @@ import importlib.util
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,8 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import MobmanError, SpecError, UsageError
 from mobman.isolation import helper
-from mobman.robots.incoming.elements import (
-    add_dynamics,
-    add_inertial,
-    add_joint,
-    add_shape,
-    text_of,
-)
+from mobman.robots.urdf import compose
+from mobman.robots.urdf.compose import add_shape, place_joint, text_of
 from mobman.robots.urdf.validate import listed
 
 _SECONDS, _MEGABYTES = 60.0, 2000.0
@@ -75,7 +71,7 @@ class _Conversion:
         self.robot = ET.Element("robot")
         self.said: list[str] = []
         self.meshes: dict[str, bytes] = {}
-        self._links: set[str] = set()
+        self._links: dict[str, ET.Element] = {}
         self._at: dict[int, tuple[str, Array]] = {}  # link of a body; its frame in the body's (m)
         self._left_out: dict[str, list[str]] = {}
 
@@ -88,8 +84,7 @@ class _Conversion:
         if len(moving) != 1:
             named = f" ({listed(self._name('body', b) for b in moving)})" if moving else ""
             raise MobmanError(f"it has {len(moving)} robots{named}; allowed: one")
-        root = moving[0]
-        bodies = list(self._tree(root))
+        root, bodies = moving[0], list(self._tree(moving[0]))
         if self._joints(root) and not self._free(root):
             self._link("world")
             self._at[0] = ("world", np.zeros(3))
@@ -118,75 +113,74 @@ class _Conversion:
         return list(range(start, start + count)) if count else []
 
     def _free(self, body: int) -> bool:
-        free = int(self._mujoco.mjtJoint.mjJNT_FREE)
-        return any(self._model.jnt_type[j] == free for j in self._joints(body))
+        return any(self._is("jnt", j, "mjtJoint.mjJNT_FREE") for j in self._joints(body))
 
     def _hinges(self, body: int) -> list[int]:
-        joint = self._mujoco.mjtJoint
-        kinds = (int(joint.mjJNT_HINGE), int(joint.mjJNT_SLIDE))
-        return [j for j in self._joints(body) if self._model.jnt_type[j] in kinds]
+        kinds = ("mjtJoint.mjJNT_HINGE", "mjtJoint.mjJNT_SLIDE")
+        return [j for j in self._joints(body) if self._is("jnt", j, *kinds)]
+
+    def _is(self, of: str, index: int, *kinds: str) -> bool:
+        """True if a joint (``jnt``), shape (``geom``), ... is of one of these kinds of MuJoCo's."""
+        kind = getattr(self._model, f"{of}_type")[index]
+        return any(kind == int(attrgetter(name)(self._mujoco)) for name in kinds)
 
     def _name(self, kind: str, index: int) -> str:
         of = getattr(self._mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
         return self._mujoco.mj_id2name(self._model, of, index) or f"{kind}{index}"
 
+    def _leave_out(self, what: str, kind: str, index: int) -> None:
+        self._left_out.setdefault(what, []).append(self._name(kind, index))
+
     def _link(self, name: str) -> str:
         while name in self._links:
             name += "_"
-        self._links.add(name)
-        ET.SubElement(self.robot, "link", name=name)
+        self._links[name] = ET.SubElement(self.robot, "link", name=name)
         return name
 
     def _add_body(self, body: int, root: bool) -> None:
-        model, name = self._model, self._name("body", body)
-        hinges = self._hinges(body)
+        model, name, hinges = self._model, self._name("body", body), self._hinges(body)
+        free = root and self._free(body)
         for joint in set(self._joints(body)) - set(hinges):
-            if not (root and self._free(body)):
-                self._left_out.setdefault("ball joint (held)", []).append(
-                    self._name("joint", joint)
-                )
-        if root and self._free(body):
+            if not free:
+                self._leave_out("ball joint (held)", "joint", joint)
+        if free:
             self.said.append("the free joint of the base is left out: the platform takes its place")
         if root and not hinges:
             link, frame = self._link(name), np.zeros(3)
         else:
             link, frame = self._chain(body, name, hinges)
-        self._at[body] = (link, frame)
-        element = next(e for e in self.robot.iter("link") if e.get("name") == link)
-        self._add_inertial(element, body, frame)
+        self._at[body], element = (link, frame), self._links[link]
+        if model.body_mass[body] > 0.0:
+            at = _pose(model.body_ipos[body] - frame, model.body_iquat[body])
+            moments = np.diag(model.body_inertia[body])
+            compose.add_inertial(element, model.body_mass[body], at, moments)
         start, count = model.body_geomadr[body], model.body_geomnum[body]
         for geom in range(start, start + count) if count else ():
             self._add_geom(element, geom, frame)
-        for site in range(model.nsite):
-            if model.site_bodyid[site] == body:
-                at = _pose(model.site_pos[site] - frame, model.site_quat[site])
-                own = self._link(self._name("site", site))
-                add_joint(self.robot, f"{own}_fixed", "fixed", link, own, at)
+        for site in np.flatnonzero(model.site_bodyid == body).tolist():
+            at = _pose(model.site_pos[site] - frame, model.site_quat[site])
+            own = self._link(self._name("site", site))
+            place_joint(self.robot, f"{own}_fixed", "fixed", link, own, at)
 
     def _chain(self, body: int, name: str, hinges: Sequence[int]) -> tuple[str, Array]:
         """Links and joints from a body's parent to the body."""
-        model = self._model
+        model, frame = self._model, np.zeros(3)
         link, offset = self._at[int(model.body_parentid[body])]
         place = _pose(model.body_pos[body] - offset, model.body_quat[body])
-        frame = np.zeros(3)
-        for i, joint in enumerate(hinges):
+        for joint in hinges:
             own, at = self._name("joint", joint), np.array(model.jnt_pos[joint])
-            last = i == len(hinges) - 1
-            child = self._link(name if last else f"{name}__{own}")
-            at_joint = place * _pose(at - frame)
-            element = add_joint(self.robot, own, self._kind(joint), link, child, at_joint)
+            child = self._link(name if joint == hinges[-1] else f"{name}__{own}")
+            kind = "revolute" if model.jnt_limited[joint] else "continuous"
+            if self._is("jnt", joint, "mjtJoint.mjJNT_SLIDE"):
+                kind = "prismatic"
+            element = place_joint(self.robot, own, kind, link, child, place * _pose(at - frame))
             self._add_motion(element, joint)
             link, frame, place = child, at, pin.SE3.Identity()
         if not hinges:
             child = self._link(name)
-            add_joint(self.robot, f"{child}_fixed", "fixed", link, child, place)
+            place_joint(self.robot, f"{child}_fixed", "fixed", link, child, place)
             link = child
         return link, frame
-
-    def _kind(self, joint: int) -> str:
-        if self._model.jnt_type[joint] == int(self._mujoco.mjtJoint.mjJNT_SLIDE):
-            return "prismatic"
-        return "revolute" if self._model.jnt_limited[joint] else "continuous"
 
     def _add_motion(self, element: ET.Element, joint: int) -> None:
         model, dof = self._model, int(self._model.jnt_dofadr[joint])
@@ -200,13 +194,11 @@ class _Conversion:
             limit |= {"lower": repr(float(bounds[0])), "upper": repr(float(bounds[1]))}
         ET.SubElement(element, "limit", limit)
         damping = float(np.ravel(model.dof_damping[dof])[0])
-        add_dynamics(element, damping, float(model.dof_frictionloss[dof]))
+        compose.add_dynamics(element, damping, float(model.dof_frictionloss[dof]))
         if model.dof_armature[dof] > 0.0:
-            self._left_out.setdefault("armature (inertia of a motor)", []).append(
-                self._name("joint", joint)
-            )
+            self._leave_out("armature (inertia of a motor)", "joint", joint)
         if float(np.ravel(model.jnt_stiffness[joint])[0]) > 0.0:
-            self._left_out.setdefault("spring", []).append(self._name("joint", joint))
+            self._leave_out("spring", "joint", joint)
 
     def _effort(self, joint: int) -> float:
         """The largest torque of a joint's motors; inf if nothing limits it."""
@@ -214,51 +206,38 @@ class _Conversion:
         limits = []
         if model.jnt_actfrclimited[joint]:
             limits.append(float(np.abs(model.jnt_actfrcrange[joint]).max()))
-        for motor in range(model.nu):
-            own = model.actuator_trntype[motor] == int(mujoco.mjtTrn.mjTRN_JOINT)
-            if own and model.actuator_trnid[motor, 0] == joint:
-                gear = abs(float(model.actuator_gear[motor, 0]))
-                fixed = model.actuator_gaintype[motor] == int(mujoco.mjtGain.mjGAIN_FIXED)
-                plain = model.actuator_biastype[motor] == int(mujoco.mjtBias.mjBIAS_NONE)
-                if model.actuator_forcelimited[motor]:
-                    largest = float(np.abs(model.actuator_forcerange[motor]).max())
-                    limits.append(gear * largest)
-                elif model.actuator_ctrllimited[motor] and fixed and plain:
-                    gain = abs(float(model.actuator_gainprm[motor, 0]))
-                    largest = float(np.abs(model.actuator_ctrlrange[motor]).max())
-                    limits.append(gear * gain * largest)
+        own = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)
+        for motor in np.flatnonzero(own & (model.actuator_trnid[:, 0] == joint)):
+            gear = abs(float(model.actuator_gear[motor, 0]))
+            fixed = model.actuator_gaintype[motor] == int(mujoco.mjtGain.mjGAIN_FIXED)
+            plain = model.actuator_biastype[motor] == int(mujoco.mjtBias.mjBIAS_NONE)
+            if model.actuator_forcelimited[motor]:
+                limits.append(gear * float(np.abs(model.actuator_forcerange[motor]).max()))
+            elif model.actuator_ctrllimited[motor] and fixed and plain:
+                gain = abs(float(model.actuator_gainprm[motor, 0]))
+                limits.append(gear * gain * float(np.abs(model.actuator_ctrlrange[motor]).max()))
         return min(limits, default=np.inf)
-
-    def _add_inertial(self, link: ET.Element, body: int, frame: Array) -> None:
-        model = self._model
-        if model.body_mass[body] > 0.0:
-            at = _pose(model.body_ipos[body] - frame, model.body_iquat[body])
-            moments = np.diag(model.body_inertia[body])
-            add_inertial(link, model.body_mass[body], at, moments)
 
     # Shapes and couplings --------------------------------------------------------------------------
 
     def _add_geom(self, link: ET.Element, geom: int, frame: Array) -> None:
-        model, kinds = self._model, self._mujoco.mjtGeom
+        model = self._model
         seen = not (model.geom_contype[geom] or model.geom_conaffinity[geom])
-        use, kind = ("visual" if seen else "collision"), model.geom_type[geom]
         place = _pose(model.geom_pos[geom] - frame, model.geom_quat[geom])
         size = [float(s) for s in model.geom_size[geom]]
-        if kind == int(kinds.mjGEOM_BOX):
-            add_shape(link, use, "box", {"size": text_of([2.0 * s for s in size])}, place)
-        elif kind == int(kinds.mjGEOM_SPHERE):
-            add_shape(link, use, "sphere", {"radius": repr(size[0])}, place)
-        elif kind in (int(kinds.mjGEOM_CYLINDER), int(kinds.mjGEOM_CAPSULE)):
-            tube = {"radius": repr(size[0]), "length": repr(2.0 * size[1])}
-            shape = "capsule" if kind == int(kinds.mjGEOM_CAPSULE) else "cylinder"
-            add_shape(link, use, shape, tube, place)
-        elif kind == int(kinds.mjGEOM_MESH):
-            mesh = {"filename": self._mesh(int(model.geom_dataid[geom]))}
-            add_shape(link, use, "mesh", mesh, place)
-        else:
-            self._left_out.setdefault("ellipsoid, plane, height field or the like", []).append(
-                self._name("geom", geom)
-            )
+        tube = {"radius": repr(size[0]), "length": repr(2.0 * size[1])}
+        for kind, own in (
+            ("box", {"size": text_of([2.0 * s for s in size])}),
+            ("sphere", {"radius": repr(size[0])}),
+            ("cylinder", tube),
+            ("capsule", tube),
+            ("mesh", {}),
+        ):
+            if self._is("geom", geom, f"mjtGeom.mjGEOM_{kind.upper()}"):
+                own = own or {"filename": self._mesh(int(model.geom_dataid[geom]))}
+                add_shape(link, "visual" if seen else "collision", kind, own, place)
+                return
+        self._leave_out("ellipsoid, plane, height field or the like", "geom", geom)
 
     def _mesh(self, mesh: int) -> str:
         """The file of a mesh as MuJoCo has it, with its origin and scale, written as STL."""
@@ -278,22 +257,19 @@ class _Conversion:
 
     def _add_couplings(self, own: set[int]) -> None:
         """Joints that follow others; what else is tied together is said."""
-        model, kinds = self._model, self._mujoco.mjtEq
+        model = self._model
         for i in range(model.neq):
             first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
-            data = [float(x) for x in model.eq_data[i][:5]]
-            if (
-                model.eq_type[i] == int(kinds.mjEQ_JOINT)
-                and {first, second} <= own
-                and max(map(abs, data[2:])) < _NONE
-            ):
+            offset, ratio, *curve = (float(x) for x in model.eq_data[i][:5])
+            straight = self._is("eq", i, "mjtEq.mjEQ_JOINT") and max(map(abs, curve)) < _NONE
+            if straight and {first, second} <= own:
                 name = self._name("joint", first)
                 joint = next(e for e in self.robot.iter("joint") if e.get("name") == name)
-                law = {"multiplier": repr(data[1]), "offset": repr(data[0])}
+                law = {"multiplier": repr(ratio), "offset": repr(offset)}
                 ET.SubElement(joint, "mimic", {"joint": self._name("joint", second), **law})
             else:
                 what = "constraint between bodies, or joints that follow others by a curve"
-                self._left_out.setdefault(what, []).append(self._name("equality", i))
+                self._leave_out(what, "equality", i)
 
 
 def _pose(position: Array, quaternion: Array | None = None) -> pin.SE3:

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.robots.incoming.elements import add_dynamics, add_inertial, add_joint, text_of
+from mobman.robots.urdf.compose import add_dynamics, add_inertial, place_joint, text_of
 
 _BASES = ("JointModelFreeFlyer", "JointModelPlanar")
 
@@ -30,43 +30,39 @@ def urdf_of(model: pin.Model) -> str:
     links = _links(model, names)
     taken, data = set(links), model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
-    for i, name in enumerate(links):
+    for name, inertia in zip(links, model.inertias, strict=True):
         link = ET.SubElement(robot, "link", name=name)
-        if model.inertias[i].mass > 0.0:
-            inertia = model.inertias[i]
-            at = pin.SE3(np.eye(3), inertia.lever)
-            add_inertial(link, inertia.mass, at, inertia.inertia)
+        if inertia.mass > 0.0:
+            add_inertial(link, inertia.mass, pin.SE3(np.eye(3), inertia.lever), inertia.inertia)
     for i in range(1, model.njoints):
         parent, kind = int(model.parents[i]), model.joints[i].shortname()
+        ends, place = (links[parent], links[i]), model.jointPlacements[i]
         if kind in _BASES and parent == 0:
-            moves, axis = "fixed", np.zeros(0)
+            place_joint(robot, names[i], "fixed", *ends, place)
         else:
             column = pin.getJointJacobian(model, data, i, pin.ReferenceFrame.LOCAL)
-            at = model.joints[i].idx_v
-            moves, axis = _motion(model, np.reshape(column, (6, -1))[:, at], i)
-        joint = add_joint(robot, names[i], moves, links[parent], links[i], model.jointPlacements[i])
-        if axis.size:
+            moves, axis = _motion(model, np.reshape(column, (6, -1))[:, model.joints[i].idx_v], i)
+            joint = place_joint(robot, names[i], moves, *ends, place)
             _add_limits(joint, model, i, moves, axis)
     for frame in model.frames:
-        if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME) and frame.name not in taken:
-            taken.add(frame.name)
-            ET.SubElement(robot, "link", name=str(frame.name))
-            where = links[int(frame.parentJoint)]
-            add_joint(
-                robot, f"{frame.name}_fixed", "fixed", where, str(frame.name), frame.placement
-            )
+        own = str(frame.name)
+        if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME) and own not in taken:
+            taken.add(own)
+            ET.SubElement(robot, "link", name=own)
+            at = links[int(frame.parentJoint)]
+            place_joint(robot, f"{own}_fixed", "fixed", at, own, frame.placement)
     return ET.tostring(robot, encoding="unicode")
 
 
 def _links(model: pin.Model, names: Sequence[str]) -> list[str]:
     """A link's name for each joint, the universe first."""
     found: list[str] = []
+    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
     for i, name in enumerate(names):
         at_joint = [
             str(frame.name)
-            for frame in model.frames
-            if frame.type == pin.FrameType.BODY
-            and int(frame.parentJoint) == i
+            for frame in bodies
+            if int(frame.parentJoint) == i
             and frame.placement.isIdentity(1e-12)
             and frame.name not in found
         ]
@@ -95,17 +91,10 @@ def _motion(model: pin.Model, column: Array, i: int) -> tuple[str, Array]:
 def _add_limits(joint: ET.Element, model: pin.Model, i: int, kind: str, axis: Array) -> None:
     q, v = model.joints[i].idx_q, model.joints[i].idx_v
     ET.SubElement(joint, "axis", xyz=text_of(axis))
-    limit = {"effort": _limit(model.effortLimit[v]), "velocity": _limit(model.velocityLimit[v])}
+    limits = {"effort": model.effortLimit[v], "velocity": model.velocityLimit[v]}
     if kind != "continuous":
-        limit["lower"] = _limit(model.lowerPositionLimit[q])
-        limit["upper"] = _limit(model.upperPositionLimit[q])
-    ET.SubElement(joint, "limit", limit)
+        limits |= {"lower": model.lowerPositionLimit[q], "upper": model.upperPositionLimit[q]}
+    # what is as large as the largest numbers is no limit
+    ends = {key: np.copysign(np.inf, x) if abs(x) > 1e15 else x for key, x in limits.items()}
+    ET.SubElement(joint, "limit", {key: repr(float(value)) for key, value in ends.items()})
     add_dynamics(joint, float(model.damping[v]), float(model.friction[v]))
-
-
-def _limit(value: float) -> str:
-    """A limit; what is as large as the largest numbers is none."""
-    value = float(value)
-    if abs(value) > 1e15:
-        value = np.copysign(np.inf, value)
-    return repr(float(value))

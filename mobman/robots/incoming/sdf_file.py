@@ -5,33 +5,21 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterable
 
 import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.robots.incoming.elements import (
-    add_dynamics,
-    add_inertial,
-    add_joint,
-    add_shape,
-    text_of,
-)
+from mobman.robots.urdf import compose
+from mobman.robots.urdf.compose import place_joint, text_of
 from mobman.robots.urdf.validate import SHAPES, listed, number, numbers
 
 _MOVING = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
 _NONE = 1e15  # SDF writes 1e16 for no limit
 _NOT_READ = (
-    "sensor",
-    "plugin",
-    "light",
-    "projector",
-    "audio_source",
-    "particle_emitter",
-    "battery",
-)
+    "sensor", "plugin", "light", "projector", "audio_source", "particle_emitter", "battery",
+)  # fmt: skip
 _MODEL, _WORLD = "__model__", "world"
 
 
@@ -42,9 +30,7 @@ def urdf_of(sdf: ET.Element, where: str) -> tuple[str, list[str]]:
         SpecError: If it has no model or several, one within another, or a number or frame is wrong.
     """
     models = [*sdf.findall("model"), *sdf.findall("world/model")]
-    moving = [
-        one for one in models if any(_kind(joint) in _MOVING for joint in one.findall("joint"))
-    ]
+    moving = [one for one in models if any(j.get("type") in _MOVING for j in one.findall("joint"))]
     if len(moving) != 1:
         named = f" ({listed(one.get('name', '') for one in moving)})" if moving else ""
         raise SpecError(f"{where} has {len(moving)} models with joints{named}; allowed: one")
@@ -53,10 +39,6 @@ def urdf_of(sdf: ET.Element, where: str) -> tuple[str, list[str]]:
     if others := [one.get("name", "") for one in models if one is not moving[0]]:
         made.said.append(f"left out, since they are no part of the robot: {listed(others)}")
     return ET.tostring(made.robot, encoding="unicode"), made.said
-
-
-def _kind(joint: ET.Element) -> str:
-    return joint.get("type", "")
 
 
 class _Model:
@@ -76,21 +58,19 @@ class _Model:
 
     def run(self) -> None:
         """Convert the model."""
-        model = self._model
+        model, joints = self._model, self._model.findall("joint")
         for tag in ("model", "include"):
             if model.find(tag) is not None:
-                raise SpecError(
-                    f"{self._where}: <{tag}> within a model: models within others are not read; write "
-                    "them out as one (gz sdf -p)"
-                )
-        links, joints = model.findall("link"), model.findall("joint")
-        for element in (*links, *joints, *model.findall("frame")):
+                advice = "models within others are not read; write them out as one (gz sdf -p)"
+                raise self._wrong(f"<{tag}> within a model: {advice}")
+        links, frames = model.findall("link"), model.findall("frame")
+        for element in (*links, *joints, *frames):
             self._add_frame(element)
-        if any(self._end(joint, "parent") == _WORLD for joint in joints):
+        if any(_text(joint, "parent") == _WORLD for joint in joints):
             ET.SubElement(self.robot, "link", name=_WORLD)
         self._frames[_WORLD] = (_MODEL, pin.SE3.Identity())
         for joint in joints:
-            for end in (self._end(joint, "parent"), self._end(joint, "child")):
+            for end in (_text(joint, "parent"), _text(joint, "child")):
                 if end not in self._frames:
                     raise self._wrong(f"joint {joint.get('name', '')!r}: {end!r} is no link")
         for name in self._frames:
@@ -99,19 +79,17 @@ class _Model:
             self._add_link(link)
         for joint in joints:
             self._add_joint(joint)
-        for frame in model.findall("frame"):
+        for frame in frames:
             name, of = frame.get("name", ""), self._attached(frame)
             ET.SubElement(self.robot, "link", name=name)
-            add_joint(self.robot, f"{name}_fixed", "fixed", of, name, self._between(of, name))
+            place_joint(self.robot, f"{name}_fixed", "fixed", of, name, self._between(of, name))
         for plugin in model.iter("plugin"):  # some names tell what kind of platform it is
             names = {key: plugin.get(key, "") for key in ("name", "filename")}
             ET.SubElement(ET.SubElement(self.robot, "gazebo"), "plugin", names)
-        found = Counter(part.tag for part in model.iter() if part.tag in _NOT_READ)
-        if found:
+        if found := Counter(part.tag for part in model.iter() if part.tag in _NOT_READ):
             counts = ", ".join(f"{count} {tag}" for tag, count in found.items())
             self.said.append(f"a URDF has no place for these, which are left out: {counts}")
-        bare = [link.get("name", "") for link in links if link.find("inertial") is None]
-        if bare:
+        if bare := [link.get("name", "") for link in links if link.find("inertial") is None]:
             self.said.append(f"links without <inertial> have 1 kg, as SDF says: {listed(bare)}")
 
     # Frames ---------------------------------------------------------------------------------------
@@ -123,7 +101,7 @@ class _Model:
         name, pose = element.get("name", ""), element.find("pose")
         if not name or name in self._frames:
             raise self._wrong(f"{element.tag} {name!r} has no name, or one that is there already")
-        usual = {"joint": self._end(element, "child"), "frame": element.get("attached_to", _MODEL)}
+        usual = {"joint": _text(element, "child"), "frame": element.get("attached_to", _MODEL)}
         to = "" if pose is None else pose.get("relative_to", pose.get("frame", ""))
         self._frames[name] = (to or usual.get(element.tag, _MODEL), self._pose(pose, name))
 
@@ -134,8 +112,8 @@ class _Model:
         while name in elements and name not in seen:
             seen.add(name)
             element = elements[name]
-            joint = element.tag == "joint"
-            name = self._end(element, "child") if joint else element.get("attached_to", "")
+            to = element.get("attached_to", "")
+            name = _text(element, "child") if element.tag == "joint" else to
         first = self._model.find("link")
         return name if name not in ("", _MODEL) or first is None else first.get("name", "")
 
@@ -153,19 +131,19 @@ class _Model:
         return self._place(one).actInv(self._place(other))
 
     def _pose(self, element: ET.Element | None, owner: str) -> pin.SE3:
-        if element is None or not (element.text or "").strip():
+        text = "" if element is None else element.text or ""
+        if element is None or not text.strip():
             return pin.SE3.Identity()
-        values = numbers(element.text or "")
-        quaternion = element.get("rotation_format") == "quat_xyzw"
+        values, quaternion = numbers(text), element.get("rotation_format") == "quat_xyzw"
         if values is None or len(values) != (7 if quaternion else 6):
             raise self._wrong(f"<pose> of {owner!r} is {element.text!r}; allowed: 6 finite numbers")
         if quaternion:
             x, y, z, w = values[3:]
-            return pin.SE3(
-                pin.Quaternion(w, x, y, z).normalized().toRotationMatrix(), _array(values)
-            )
-        unit = math.pi / 180.0 if element.get("degrees") in ("true", "1") else 1.0
-        return pin.SE3(pin.rpy.rpyToMatrix(*(unit * v for v in values[3:])), _array(values))
+            rotation = pin.Quaternion(w, x, y, z).normalized().toRotationMatrix()
+        else:
+            unit = math.pi / 180.0 if element.get("degrees") in ("true", "1") else 1.0
+            rotation = pin.rpy.rpyToMatrix(*(unit * v for v in values[3:]))
+        return pin.SE3(rotation, np.array(values[:3]))
 
     # Links and joints -----------------------------------------------------------------------------
 
@@ -173,89 +151,77 @@ class _Model:
         found = None if element is None else element.find(path)
         if found is None:
             return default
-        value = number((found.text or "").strip())
-        if value is None and (found.text or "").strip().lstrip("+-").lower() in ("inf", "infinity"):
-            value = float(found.text or "")
+        text = (found.text or "").strip()
+        value = number(text)
+        if value is None and text.lstrip("+-").lower() in ("inf", "infinity"):
+            value = float(text)
         if value is None:
             raise self._wrong(f"<{found.tag}> is {found.text!r}; allowed: a number")
         return value
-
-    def _end(self, joint: ET.Element, tag: str) -> str:
-        return (joint.findtext(tag) or "").strip()
 
     def _add_link(self, link: ET.Element) -> None:
         name, inertial = link.get("name", ""), link.find("inertial")
         element = ET.SubElement(self.robot, "link", name=name)
         at = self._pose(None if inertial is None else inertial.find("pose"), name)
         moments = np.zeros((3, 3))
-        for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        for i, j in zip(*np.triu_indices(3), strict=True):
             path = f"inertia/i{'xyz'[i]}{'xyz'[j]}"
             moments[i, j] = moments[j, i] = self._number(inertial, path, float(i == j))
-        add_inertial(element, self._number(inertial, "mass", 1.0), at, moments)
+        compose.add_inertial(element, self._number(inertial, "mass", 1.0), at, moments)
         for use in ("visual", "collision"):
             for part in link.findall(use):
                 self._add_part(element, part, use)
 
     def _add_part(self, link: ET.Element, part: ET.Element, use: str) -> None:
-        geometry = part.find("geometry")
-        shape = None if geometry is None else next(iter(geometry), None)
-        name = part.get("name", "")
-        to = "" if part.find("pose") is None else part.find("pose").get("relative_to", "")  # type: ignore[union-attr]
-        at = self._pose(part.find("pose"), name)
-        if to:
+        name, pose = part.get("name", ""), part.find("pose")
+        shape = next(part.iterfind("geometry/*"), None)
+        at = self._pose(pose, name)
+        if pose is not None and (to := pose.get("relative_to", "")):
             at = self._between(link.get("name", ""), to) * at
         if shape is None or shape.tag not in (*SHAPES, "capsule"):
             tag = "" if shape is None else shape.tag
             self.said.append(f"a URDF has no geometry {tag!r}: {use} {name!r} is left out")
             return
+        own = {child.tag: " ".join((child.text or "").split()) for child in shape}
         if shape.tag == "mesh":
-            own = {"filename": (shape.findtext("uri") or "").strip()}
-            own["scale"] = " ".join((shape.findtext("scale") or "1 1 1").split())
-        else:
-            own = {child.tag: " ".join((child.text or "").split()) for child in shape}
-        add_shape(link, use, shape.tag, own, at)
+            own = {"filename": _text(shape, "uri"), "scale": own.get("scale") or "1 1 1"}
+        compose.add_shape(link, use, shape.tag, own, at)
 
     def _add_joint(self, joint: ET.Element) -> None:
-        name, kind = joint.get("name", ""), _MOVING.get(_kind(joint), "fixed")
-        parent, child, axis = (
-            self._end(joint, "parent"),
-            self._end(joint, "child"),
-            joint.find("axis"),
+        name, given, axis = joint.get("name", ""), joint.get("type", ""), joint.find("axis")
+        parent, child, kind = (
+            _text(joint, "parent"),
+            _text(joint, "child"),
+            _MOVING.get(given, "fixed"),
         )
-        if kind == "fixed" and _kind(joint) != "fixed":
-            self.said.append(f"a URDF has no {_kind(joint)} joint: {name!r} is held")
-        limits = [self._number(axis, f"limit/{end}", s * math.inf) for end, s in _BOUNDS]
-        if kind == "revolute" and min(map(abs, limits)) > _NONE:
+        if kind == "fixed" and given != "fixed":
+            self.said.append(f"a URDF has no {given} joint: {name!r} is held")
+        lower, upper = (self._number(axis, f"limit/{end}", s * math.inf) for end, s in _BOUNDS)
+        if kind == "revolute" and min(abs(lower), abs(upper)) > _NONE:
             kind = "continuous"
-        carried = child
-        own = self._between(name, child)
+        carried, own = child, self._between(name, child)
         if not own.isIdentity(1e-12):
             carried = f"{name}__frame"
             ET.SubElement(self.robot, "link", name=carried)
-            add_joint(self.robot, f"{name}__to_link", "fixed", carried, child, own)
-        element = add_joint(self.robot, name, kind, parent, carried, self._between(parent, name))
+            place_joint(self.robot, f"{name}__to_link", "fixed", carried, child, own)
+        at = self._between(parent, name)
+        element = place_joint(self.robot, name, kind, parent, carried, at)
         if kind == "fixed" or axis is None:
             return
         ET.SubElement(element, "axis", xyz=text_of(self._axis(axis, name)))
-        limit = {
-            key: repr(self._number(axis, f"limit/{key}", -1.0)) for key in ("effort", "velocity")
-        }
+        limit = {key: self._number(axis, f"limit/{key}", -1.0) for key in ("effort", "velocity")}
         if kind != "continuous":
-            for (key, _), value in zip(_BOUNDS, limits, strict=True):
-                limit[key] = repr(value if abs(value) < _NONE else math.copysign(math.inf, value))
-        ET.SubElement(element, "limit", limit)
-        damping, friction = (
-            self._number(axis, f"dynamics/{k}", 0.0) for k in ("damping", "friction")
-        )
-        add_dynamics(element, damping, friction)
+            for key, value in (("lower", lower), ("upper", upper)):
+                limit[key] = value if abs(value) < _NONE else math.copysign(math.inf, value)
+        ET.SubElement(element, "limit", {key: repr(value) for key, value in limit.items()})
+        forces = (self._number(axis, f"dynamics/{k}", 0.0) for k in ("damping", "friction"))
+        compose.add_dynamics(element, *forces)
         if self._number(axis, "dynamics/spring_stiffness", 0.0):
             self.said.append(f"a URDF has no spring: joint {name!r}")
         if (mimic := axis.find("mimic")) is not None:
-            ratio = self._number(mimic, "multiplier", 1.0)
-            offset = self._number(mimic, "offset", 0.0) - ratio * self._number(
-                mimic, "reference", 0.0
-            )
-            law = {"multiplier": repr(ratio), "offset": repr(offset)}
+            keys = (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+            ratio, offset, reference = (self._number(mimic, key, usual) for key, usual in keys)
+            law = {"multiplier": repr(ratio), "offset": repr(offset - ratio * reference)}
             ET.SubElement(element, "mimic", {"joint": mimic.get("joint", ""), **law})
 
     def _axis(self, axis: ET.Element, joint: str) -> Array:
@@ -266,9 +232,8 @@ class _Model:
             raise self._wrong(f"<xyz> of joint {joint!r} is no vector of 3 numbers")
         to = "" if element is None else element.get("expressed_in", "")
         # until 1.6 a flag said so; before 1.5 it was always the model's frame
-        flag = axis.findtext(
-            "use_parent_model_frame", "true" if self._version < (1, 5) else "false"
-        )
+        usual = "true" if self._version < (1, 5) else "false"
+        flag = axis.findtext("use_parent_model_frame", usual)
         if not to and self._version < (1, 7) and flag.strip() in ("true", "1"):
             to = _MODEL
         rotation = self._between(joint, to).rotation if to else np.eye(3)
@@ -278,5 +243,5 @@ class _Model:
 _BOUNDS = (("lower", -1.0), ("upper", 1.0))
 
 
-def _array(values: Iterable[float]) -> Array:
-    return np.array(list(values)[:3])
+def _text(element: ET.Element, tag: str) -> str:
+    return (element.findtext(tag) or "").strip()

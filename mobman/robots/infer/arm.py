@@ -3,39 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from mobman.arrays import Array
-from mobman.robots.infer.findings import (
-    BASES,
-    FINGER,
-    FINGER_LINK,
-    HEAD,
-    NO_TIP,
-    TIPS,
-    Inferred,
-    Undecided,
-    common,
-    says,
-)
-from mobman.robots.infer.kinematics import Chain, Joint, Tree, followed, followers
-from mobman.robots.spec import Coupling, CriterionSource
+from mobman.robots.infer.findings import Inferred, Undecided, common, says
+from mobman.robots.infer.kinematics import Chain, Joint, Tree, followed, followers, held
 from mobman.robots.urdf.validate import listed
 
+_FINGER = (
+    r"finger|thumb|knuckle|jaw|claw|phalan|gripper|robotiq|fngr|pinky|"
+    r"(^|_)(index|middle|ring|little|pincer|hand)(_|\d|$)"
+)
+_FINGER_LINK = r"finger|thumb|knuckle|phalan|jaw|claw"
+_HEAD = r"head|neck|camera|kinect|lidar|laser|sensor|(^|_)(pan|tilt)(_|$)|eye|display|antenna"
+_PALM, _BASE = r"palm", r"gripper|hand"
+_BASES = (_PALM, _BASE)
+_TIPS = (
+    (r"tcp|tool_?cent|grasp", "the tool's centre"),
+    (r"(^|_)eef?(_|$)|end_?eff", "the end-effector"),
+    (r"tip\d*(_|$)", "the tip"),
+    (r"tool", "the tool"),
+    (_PALM, "the palm"),
+    (_BASE, "the gripper's base"),
+    (r"flange", "the flange"),
+)
+"""Names of frames at the end of an arm, the best ones first, and what they are."""
+_NO_TIP = (
+    r"camera|optical|depth|infra|sensor|imu|(^|_)ft(_|$)|force|laser|color|rgb|aruco|marker|"
+    r"(^|_)led(_|$)|safety|accel|gyro"
+)
 _SHORT = 0.15  # m; a branch at the end of an arm that reaches no further is a finger
 _REACH = 0.05  # m; what reaches less far is no arm: a ball caster, for one
 _ARM = 3  # joints from which on a chain is an arm
 _CARRIED = 2  # joints in front of a gripper, at least
-_UPRIGHT = math.cos(0.1)  # an axis that is less tilted than 0.1 rad is vertical
-_TURN_A_LAP = 0.01  # rad by which steering may turn a car on a lap of the circle below
-_CIRCLE = 0.5  # m: radius of the task `circle`
-_MOST_STEERED = 0.5  # of the arm's yaw
-_LEVER_ARM = 0.05  # m; a tip that is nearer to an axis is not moved by it
 _SAMPLES = 4000
 _SEED = 0
 _INSIDE = 0.8  # of a joint's range is where it may rest
@@ -47,39 +52,27 @@ _RANK = 1e-3  # of the largest singular value
 _REFINEMENTS = ((0.2, 600), (0.06, 600))  # of the range; samples
 
 
-@dataclass(frozen=True)
-class Arm:
-    """A serial chain and the frame at its end.
-
-    Attributes:
-        joints: From the root to the tip, without fingers, and what mimic joints there follow in the
-            place of these.
-        own: How many of them no other arm shares.
-        tip: Link whose origin is the end-effector, and why.
-        reach: Length of the chain from its first own joint to the tip (m), prismatic joints extended.
-    """
+class Arm(NamedTuple):
+    """A serial chain and the frame at its end."""
 
     joints: tuple[Joint, ...]
-    own: int
-    tip: Inferred
-    reach: float
+    """From the root to the tip, without fingers, and what mimic joints there follow in the place of
+    these."""
+    own: int  # how many of them no other arm shares
+    tip: Inferred  # link whose origin is the end-effector, and why
+    reach: float  # of the chain from its first own joint to the tip (m), prismatic joints extended
 
 
 class Branches:
-    """Arms, heads and grippers: all that moves and is not taken by the platform, or in front of it.
-
-    Attributes:
-        fingers: Names of the joints of grippers and hands.
-        ends: Last joint of each chain that is not a finger.
-    """
+    """Arms, heads and grippers: all that moves and is not taken by the platform, or in front of it."""
 
     def __init__(self, tree: Tree, taken: set[str]) -> None:
-        self._tree = tree
-        self._taken = taken
+        self._tree, self._taken = tree, taken
         self.joints = [joint for joint in tree.movable if joint.name not in taken]
-        self.fingers = self._find_fingers()
+        self.fingers = self._find_fingers()  # names of the joints of grippers and hands
         moving = {j: None for j in self.joints if j.name not in self.fingers and not j.follows}
         self._moving = moving.keys()
+        # the last joint of each chain that is not a finger
         self.ends = [joint for joint in moving if self._moving.isdisjoint(tree.behind(joint))]
 
     def arms(self) -> list[Arm]:
@@ -95,19 +88,13 @@ class Branches:
         on_the_way = (tree.joint(followed(tree, joint).joint) for joint in tree.chain(link))
         return tuple(dict.fromkeys(j for j in on_the_way if j is not None and j in self._moving))
 
-    def _follows(self, joint: Joint) -> bool:
-        """True for a mimic joint of an arm."""
-        master = self._tree.joint(followed(self._tree, joint).joint) if joint.follows else None
-        return master in self._moving and joint.name not in self.fingers
-
     def heads(self) -> list[Joint]:
         """Joints that belong to heads only."""
         heads = [arm for arm in map(self._arm, self.ends) if self._is_head(arm)]
         return list(dict.fromkeys(joint for arm in heads for joint in arm.joints[-arm.own :]))
 
     def _is_head(self, arm: Arm) -> bool:
-        own = arm.joints[-arm.own :]
-        return common(HEAD, [f"{joint.name}_{joint.child}" for joint in own])
+        return common(_HEAD, [f"{joint.name}_{joint.child}" for joint in arm.joints[-arm.own :]])
 
     def _arm(self, end: Joint) -> Arm:
         joints, tip = self.chain(end.child), self._tip(end)
@@ -118,44 +105,44 @@ class Branches:
 
     def _tip(self, end: Joint) -> Inferred:
         """The best frame on the last link of a chain."""
-        tree = self._tree
-        body = tree.rigid(end.child)
-        # a levelled wrist, the stages of a telescope
-        while following := [j for j in tree.next_joints(body[0]) if self._follows(j)]:
-            body = tree.rigid(following[0].child)
-        palms = [joint.parent for joint in tree.next_joints(body[0])]
-        frames = [name for name in body if not says(NO_TIP, name)] or body
-        for pattern, what in TIPS:
-            if common(pattern, tree.links):
-                continue
+        tree, link = self._tree, end.child
+
+        def follows(joint: Joint) -> bool:
+            """True for a mimic joint of an arm: a levelled wrist, the stages of a telescope."""
+            master = tree.joint(followed(tree, joint).joint) if joint.follows else None
+            return master in self._moving and joint.name not in self.fingers
+
+        while following := [joint for joint in tree.next_joints(link) if follows(joint)]:
+            link = following[0].child
+        body, palms = tree.rigid(link), [joint.parent for joint in tree.next_joints(link)]
+        depth = {name: len(tree.way(name)) for name in (*body, *palms)}
+        frames = [name for name in body if not says(_NO_TIP, name)] or body
+        for pattern, what in _TIPS:
             # a finger that is fixed is no tip, nor is what only its name has in common with one
             named = [n for n in frames if says(pattern, n) and not says(r"finger|thumb", n)]
-            if named:
+            if named and not common(pattern, tree.links):
                 # a base is where its fingers are, a tool as far out as it goes
-                base = pattern in BASES
-                best = max(
-                    named,
-                    key=lambda name: (base and name in palms, tree.depth(name), -body.index(name)),
+                near = set(palms) if pattern in _BASES else set[str]()
+                return Inferred(
+                    max(named, key=lambda n: (n in near, depth[n], -body.index(n))), what
                 )
-                return Inferred(best, what)
         if palms:
-            return Inferred(max(palms, key=tree.depth), "the link that carries the fingers")
-        return Inferred(max(frames, key=tree.depth), "the last link of the chain")
+            return Inferred(max(palms, key=depth.__getitem__), "the link that carries the fingers")
+        return Inferred(max(frames, key=depth.__getitem__), "the last link of the chain")
 
     def _find_fingers(self) -> set[str]:
         tree = self._tree
-        telling = not common(FINGER, [joint.name for joint in self.joints])
+        telling = not common(_FINGER, [joint.name for joint in self.joints])
         found: set[str] = set()
         for joint in self.joints:
-            before = self._before(joint)
+            before = [j for j in tree.chain(joint.parent) if j.name not in self._taken]
             if any(j.name in found for j in before):
                 found.add(joint.name)
             elif len(before) >= _CARRIED:
                 # a wrist that carries a fixed jaw is no finger: its link alone says little
                 leaf = not tree.next_joints(joint.child)
-                named = says(FINGER, joint.name) or (leaf and says(FINGER_LINK, joint.child))
-                named = named and telling and self._at_the_end(joint)
-                if named or self._one_of_several(joint):
+                named = says(_FINGER, joint.name) or (leaf and says(_FINGER_LINK, joint.child))
+                if (named and telling and self._at_the_end(joint)) or self._one_of_several(before):
                     found.add(joint.name)
         # the file may have what is behind a finger before it
         for joint in self.joints:
@@ -163,20 +150,14 @@ class Branches:
                 found.add(joint.name)
         return found
 
-    def _before(self, joint: Joint) -> list[Joint]:
-        return [j for j in self._tree.chain(joint.parent) if j.name not in self._taken]
-
     def _at_the_end(self, joint: Joint) -> bool:
         """True if all behind a joint is no larger than a gripper."""
         longest = max(len(chain) for chain in self._chains(joint))
         return longest <= 5 and self._length(joint) < 2.0 * _SHORT
 
-    def _one_of_several(self, joint: Joint) -> bool:
-        """True if several chains start where a joint is, and all are short."""
-        before = self._before(joint)
-        if len(before) < _ARM:
-            return False
-        siblings = self._tree.next_joints(before[-1].child)
+    def _one_of_several(self, before: Sequence[Joint]) -> bool:
+        """True if several chains start behind these joints, and all are short."""
+        siblings = self._tree.next_joints(before[-1].child) if len(before) >= _ARM else []
         return len(siblings) >= 2 and all(self._length(sibling) <= _SHORT for sibling in siblings)
 
     def _length(self, joint: Joint) -> float:
@@ -196,15 +177,14 @@ def reach(tree: Tree, joints: Sequence[Joint], tip: str) -> float:
     follow others as far as these take them."""
     places = [joint.centre for joint in joints] + [tree.position[tip]]
     length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(places))
-    on_the_way = tree.chain(tip)
-    slides = [j for j in (*joints, *followers(tree, joints)) if j.prismatic]
-    for joint in slides:
-        law = followed(tree, joint)
-        master = next((j for j in joints if j.name == law.joint), joint)
-        way = min(
-            joint.width, abs(law.multiplier) * master.width if master is not joint else math.inf
-        )
-        length += way * (way < 10.0 and (joint in joints or joint in on_the_way))
+    counted, masters = {*joints, *tree.chain(tip)}, {joint.name: joint for joint in joints}
+    for joint in (*joints, *followers(tree, joints)):
+        if joint.prismatic and joint in counted:
+            law, way = followed(tree, joint), joint.width
+            master = masters.get(law.joint, joint)
+            if master is not joint:
+                way = min(way, abs(law.multiplier) * master.width)
+            length += way if way < 10.0 else 0.0
     return length
 
 
@@ -220,19 +200,13 @@ def choose_arm(tree: Tree, branches: Branches, tip: str | None) -> Arm:
         for arm in arms
     )
     if tip is not None:
-        if tip not in tree.links:
-            raise Undecided(
-                f"--tip {tip!r} is no link of the URDF; ends of arms: {listing or 'none'}"
-            )
-        joints = branches.chain(tip)
+        joints = branches.chain(tip) if tip in tree.links else ()
         if not joints:
-            raise Undecided(
-                f"--tip {tip!r} is moved by no joint of an arm; ends of arms: {listing or 'none'}"
-            )
-        of = next((arm for arm in arms if arm.joints == joints), None)
-        own = of.own if of is not None else len(joints)
-        chain = joints[len(joints) - own :]
-        return Arm(joints, own, Inferred(tip, "as asked for"), reach(tree, chain, tip))
+            what = "moved by no joint of an arm" if tip in tree.links else "no link of the URDF"
+            raise Undecided(f"--tip {tip!r} is {what}; ends of arms: {listing or 'none'}")
+        own = next((arm.own for arm in arms if arm.joints == joints), len(joints))
+        way = reach(tree, joints[len(joints) - own :], tip)
+        return Arm(joints, own, Inferred(tip, "as asked for"), way)
     if not arms:
         raise Undecided(
             "no arm was found: beside the platform no joint moves; mount one by --mount ARM.urdf --on "
@@ -243,22 +217,30 @@ def choose_arm(tree: Tree, branches: Branches, tip: str | None) -> Arm:
     return arms[0]
 
 
-@dataclass(frozen=True)
-class Surroundings:
-    """The ground and the platform under an arm.
+class Surroundings(NamedTuple):
+    """The ground and the platform under an arm."""
 
-    Attributes:
-        ground: Height of the ground in the root's frame (m).
-        forward: Unit vector in the plane, shape (2,).
-        box: Corners of the platform's body in the root's frame (m), shape (2, 3); None: not known.
-    """
-
-    ground: float
-    forward: Array
+    ground: float  # height of the ground in the root's frame (m)
+    forward: Array  # unit vector in the plane, shape (2,)
     box: Array | None
+    """Corners of the platform's body in the root's frame (m), shape (2, 3); None: not known."""
 
 
-def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
+def rest_of(tree: Tree, arm: Arm, still: set[str], around: Surroundings) -> dict[str, Inferred]:
+    """Positions of all joints that do not rest at zero (m, rad)."""
+    tip = arm.tip.value
+    at = held(tree, still, {})
+    values: dict[str, float] = {}
+    # a mimic joint on the way to the tip moves it to where its master rests: once more from there
+    for _ in range(2):
+        values = _rest_posture(Chain(tree, arm.joints, tip, at), around)
+        before, at = at, held(tree, still, values)
+        if all(at.get(j.name) == before.get(j.name) for j in tree.chain(tip) if j.name in still):
+            break
+    return {name: Inferred(value) for name, value in values.items()} | at
+
+
+def _rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
     """Rounded joint positions, by name (m, rad); the same for the same robot.
 
     The least singular value of the tip's linear Jacobian (of those that are not zero everywhere) is
@@ -266,9 +248,8 @@ def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
     front of or beside the platform and well above the ground; joints that matter little are at zero, or
     in the middle of their range.
     """
-    joints = chain.joints
-    limits = chain.limits()
-    low, high = np.array([_range(*one) for one in zip(joints, *limits.T, strict=True)]).T
+    joints, limits = chain.joints, chain.limits.tolist()
+    low, high = np.array([_range(*one) for one in zip(joints, limits, strict=True)]).T
     random = np.random.default_rng(_SEED)
     score = _Score(chain, around, low, high, random)
     q = low + (high - low) * random.random((_SAMPLES, len(joints)))
@@ -277,20 +258,25 @@ def rest_posture(chain: Chain, around: Surroundings) -> dict[str, float]:
         near = best + width * (high - low) * random.uniform(-1.0, 1.0, (count, len(joints)))
         near = np.vstack([best, np.clip(near, low, high)])
         best = near[np.argmax(score(near))]
-    best = _simplified(best, joints, score, low, high)
-    return {
-        joint.name: _rounded(float(value), joint, (float(lower), float(upper)))
-        for joint, value, (lower, upper) in zip(joints, best, limits, strict=True)
-    }
+    for i, joint in enumerate(joints):  # zero, or the middle of a range, where that costs little
+        simple = [0.0] if low[i] <= 0.0 <= high[i] else []
+        for choice in (*simple, _rounded(0.5 * (low[i] + high[i]), joint)):
+            trial = np.where(np.arange(len(best)) == i, choice, best)
+            least = (1.0 - _LOSS) * float(score(best[None])[0])
+            if low[i] <= choice <= high[i] and float(score(trial[None])[0]) >= least:
+                best = trial
+                break
+    values = zip(joints, best.tolist(), limits, strict=True)
+    return {joint.name: _rounded(value, joint, *ends) for joint, value, ends in values}
 
 
-def _range(joint: Joint, lower: float, upper: float) -> tuple[float, float]:
+def _range(joint: Joint, limits: tuple[float, float]) -> tuple[float, float]:
     """The positions in which a joint with these limits may rest (m, rad)."""
+    lower, upper = limits
     if joint.endless or not math.isfinite(upper - lower):
         middle = min(max(0.0, lower), upper)  # one of the limits may be there
         return max(lower, middle - _ENDLESS), min(upper, middle + _ENDLESS)
-    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    half *= _INSIDE
+    middle, half = 0.5 * (lower + upper), _INSIDE * (0.5 * (upper - lower))
     low, high = middle - half, middle + half
     if not joint.prismatic:  # several turns are no more use than one
         low, high = max(low, min(-0.75 * math.pi, high)), min(high, max(0.75 * math.pi, low))
@@ -307,9 +293,8 @@ class _Score:
         self._middle, self._half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 1e-9)
         sliding = [joint.prismatic for joint in chain.joints]
         self._scale = np.where(sliding, self._half, np.minimum(_LEVER, self._half))
-        centres, _, tip, jacobian = chain.places(
-            low + (high - low) * random.random((200, len(low)))
-        )
+        sampled = low + (high - low) * random.random((200, len(low)))
+        centres, _, tip, jacobian = chain.places(sampled)
         values = np.linalg.svd(jacobian * self._scale, compute_uv=False)
         self._size = float(np.max(np.linalg.norm(tip - centres[:, 0], axis=1))) or 1.0
         self._rank = max(int(np.sum(values > _RANK * self._size, axis=1).max()), 1)
@@ -336,81 +321,23 @@ class _Score:
         """Below 1 for a tip behind, low or in the platform, and for links in the ground."""
         around, size = self._around, self._size
         # joints of a lift or turntable are not yet the arm: from where it begins to reach out
-        out = tip - centres[:, 0]
-        ahead, beside = out[:, :2] @ around.forward, np.linalg.norm(out[:, :2], axis=1)
+        out = (tip - centres[:, 0])[:, :2]
+        ahead, beside = out @ around.forward, np.linalg.norm(out, axis=1)
         factor = np.where(ahead < -0.1 * beside, 0.3, 1.0)
-        factor = factor * np.clip(beside / (0.35 * size), 0.05, 1.0)
-        heights = tip[:, 2] - around.ground
-        least = min(0.25, 0.35 * size)
-        factor = factor * np.clip(heights / least, 0.02, 1.0)
-        lowest = centres[:, :, 2].min(axis=1) - around.ground
-        factor = factor * np.where(lowest < 0.02, 0.1, 1.0)
+        factor *= np.clip(beside / (0.35 * size), 0.05, 1.0)
+        factor *= np.clip((tip[:, 2] - around.ground) / min(0.25, 0.35 * size), 0.02, 1.0)
+        factor *= np.where(centres[:, :, 2].min(axis=1) - around.ground < 0.02, 0.1, 1.0)
         if around.box is not None:
             low, high = around.box
             points = np.concatenate([centres, tip[:, None]], axis=1)
             inside = ((points > low) & (points < high)).all(axis=2) & self._outside
-            factor = factor * np.where(inside.any(axis=1), 0.1, 1.0)
-        return np.array(factor)
-
-
-def _simplified(q: Array, joints: Sequence[Joint], score: _Score, low: Array, high: Array) -> Array:
-    """The posture with zero, or the middle of a range, where that costs little."""
-
-    def value(posture: Array) -> float:
-        return float(score(posture[None])[0])
-
-    for i, joint in enumerate(joints):
-        simple = [0.0] if low[i] <= 0.0 <= high[i] else []
-        for choice in (*simple, _rounded(0.5 * (low[i] + high[i]), joint)):
-            trial = q.copy()
-            trial[i] = choice
-            if low[i] <= choice <= high[i] and value(trial) >= (1.0 - _LOSS) * value(q):
-                q = trial
-                break
-    return q
+            factor *= np.where(inside.any(axis=1), 0.1, 1.0)
+        return factor
 
 
 def _rounded(
-    value: float, joint: Joint, limits: tuple[float, float] = (-math.inf, math.inf)
+    value: float, joint: Joint, lower: float = -math.inf, upper: float = math.inf
 ) -> float:
     step = _STEP[joint.prismatic]
     rounded = round(round(value / step) * step, 4)
-    inside = limits[0] <= rounded <= limits[1]
-    return rounded + 0.0 if inside else min(max(value, limits[0]), limits[1])
-
-
-def steering_couplings(
-    steering: Mapping[str, float], chain: Chain, rest: Array, wheelbase: float | None
-) -> list[Coupling]:
-    """Couplings that let all that steers follow a yaw of the arm at rest; none if it has no yaw.
-
-    Their weight is for runs that last. Where the arm goes round the default circle of area A while a
-    car drives to and fro, steering by the share c of the arm's yaw turns it by c A / (reach wheelbase) a
-    lap, and c is small. An arm whose reach is less than the circle's radius cannot: the car goes round.
-    Where the curvature of the path itself steers, it is the yaw over the reach: the platform goes round.
-
-    Args:
-        steering: Coordinates: 1.0 where positive angles turn to the left, else -1.0.
-        chain: The arm.
-        rest: Its posture, shape (n,).
-        wheelbase: From the axle to what steers (m); None where the coordinate is the path's curvature.
-    """
-    centres, axes, tip, _ = (values[0] for values in chain.places(rest[None]))
-    weight = CriterionSource().default
-    for joint, centre, axis in zip(chain.joints, centres, axes, strict=True):
-        yaws = not joint.prismatic and abs(axis[2]) >= _UPRIGHT
-        reach = float(np.linalg.norm(tip[:2] - centre[:2]))
-        if yaws and reach >= _LEVER_ARM:
-            ratio = float(np.sign(axis[2]))
-            if wheelbase is None:
-                ratio = float(f"{ratio / reach:.2g}")
-            else:
-                share = _MOST_STEERED
-                if reach > _CIRCLE:
-                    share = min(share, _TURN_A_LAP * reach * wheelbase / (math.pi * _CIRCLE**2))
-                weight = float(f"{weight * share / (1.0 - share):.2g}")
-            return [
-                Coupling(joint=name, to=joint.name, ratio=sign * ratio, weight=weight)
-                for name, sign in steering.items()
-            ]
-    return []
+    return rounded + 0.0 if lower <= rounded <= upper else min(max(value, lower), upper)

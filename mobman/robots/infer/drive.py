@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.robots.infer.findings import Inferred, Lock, lengthwise, sideways
+from mobman.robots.infer.findings import (
+    CASTER,
+    FOOTPRINT,
+    Inferred,
+    Lock,
+    lengthwise,
+    lock_once,
+    says,
+    sideways,
+)
 from mobman.robots.infer.kinematics import Joint, Tree
-from mobman.robots.infer.wheels import Rolling
+from mobman.robots.infer.wheels import SAME_PLACE, Rolling, footprint, lowest_point
 
 # How much each kind of evidence for forward counts: names come before the root link and the arm together
 _NAMES, _ROOT, _ARM = 1.6, 1.0, 0.5
@@ -25,15 +34,10 @@ OMNI = Inferred("omni", "rollers across the wheel's axis")
 
 @dataclass(frozen=True)
 class Forward:
-    """A direction in the root link's frame.
+    """A direction in the root link's frame."""
 
-    Attributes:
-        heading: Its angle about z from the root's x axis (rad).
-        why: The evidence.
-    """
-
-    heading: float
-    why: str
+    heading: float  # its angle about z from the root's x axis (rad)
+    why: str  # the evidence
 
     @property
     def direction(self) -> Array:
@@ -46,40 +50,24 @@ class Forward:
         return np.array([-math.sin(self.heading), math.cos(self.heading)])
 
 
-_UP = np.array([0.0, 0.0, 1.0])
-_AHEAD = Forward(0.0, "the root link's x axis")
-
-
 @dataclass
 class Drive:
-    """A platform.
-
-    Attributes:
-        type: Its type.
-        right, left: Driven wheels, in pairs, the front ones first; of a car, the rear ones.
-        wheels: Of an omnidirectional platform.
-        kind: Of its wheels: ``"mecanum"`` or ``"omni"``.
-        steering: Joints that steer, right first.
-        front: Wheels that they steer, right first.
-        turret: The joint between the body and the carriage that the wheels are on.
-        forward: Where forward is.
-        coordinates: Whether wheels are coordinates of the type; else they only say where the axle is.
-        locks: Casters, suspensions, ... and why they do not move.
-        uncertain: What the URDF does not tell for sure.
-    """
+    """A platform."""
 
     type: Inferred
     right: list[Rolling] = field(default_factory=list)
     left: list[Rolling] = field(default_factory=list)
-    wheels: list[Rolling] = field(default_factory=list)
-    kind: Inferred = OMNI
-    steering: list[Joint] = field(default_factory=list)
-    front: list[Rolling] = field(default_factory=list)
-    turret: Joint | None = None
-    forward: Forward = _AHEAD
+    """Driven wheels, in pairs, the front ones first; of a car, the rear ones."""
+    wheels: list[Rolling] = field(default_factory=list)  # of an omnidirectional platform
+    kind: Inferred = OMNI  # of its wheels: "mecanum" or "omni"
+    steering: list[Joint] = field(default_factory=list)  # joints that steer, right first
+    front: list[Rolling] = field(default_factory=list)  # wheels that they steer, right first
+    turret: Joint | None = None  # between the body and the carriage that the wheels are on
+    forward: Forward = Forward(0.0, "the root link's x axis")
     coordinates: bool = True
-    locks: list[Lock] = field(default_factory=list)
-    uncertain: list[str] = field(default_factory=list)
+    """Whether wheels are coordinates of the type; else they only say where the axle is."""
+    locks: list[Lock] = field(default_factory=list)  # casters, suspensions, ... that do not move
+    uncertain: list[str] = field(default_factory=list)  # what the URDF does not tell for sure
 
     @property
     def driven(self) -> list[Rolling]:
@@ -108,41 +96,98 @@ class Drive:
     @property
     def beside(self) -> float:
         """Largest distance of a tyre that drives from the frame of its joint, along the axis (m)."""
-        return max(
-            (float(np.linalg.norm(w.middle - w.joint.centre)) for w in self.driven), default=0.0
-        )
+        return max((float(np.linalg.norm(w.middle - w.centre)) for w in self.driven), default=0.0)
 
     @property
     def centre(self) -> Array | None:
         """The middle of the driven wheels in the root's frame (m), shape (3,)."""
-        centres = [w.joint.centre for w in self.driven]
-        return np.array(np.mean(centres, axis=0)) if centres else None
+        return np.mean([w.centre for w in self.driven], axis=0) if self.driven else None
 
     def rounded(self) -> list[str]:
         """Sentences about axes and axles that are not quite where the platform's equations have them."""
-        said, left = [], np.append(self.forward.left, 0.0)
         exact = [] if self.wheels and self.kind.value == "omni" else self.rolling
-        for axis, of in ((left, [w.joint for w in exact]), (_UP, self.steering)):
-            for joint in of:
-                off = math.acos(min(abs(float(joint.axis @ axis)), 1.0))
-                if off > _ROUNDED[0]:
-                    said.append(
-                        f"the axis of {joint.name} is {1e3 * off:.3g} mrad off; taken as exact"
-                    )
-        ahead = np.append(self.forward.direction, 0.0)
+        axes = [(wheel.joint, np.append(self.forward.left, 0.0)) for wheel in exact]
+        axes += [(joint, np.array([0.0, 0.0, 1.0])) for joint in self.steering]
+        tilts = [(one.name, math.acos(min(abs(float(one.axis @ axis)), 1.0))) for one, axis in axes]
+        said = [
+            f"the axis of {name} is {1e3 * off:.3g} mrad off; taken as exact"
+            for name, off in tilts
+            if off > _ROUNDED[0]
+        ]
         for one, other in zip(self.right, self.left, strict=True):
-            apart = other.joint.centre - one.joint.centre
-            off = max(abs(float(apart @ ahead)), abs(float(apart[2])))
+            apart = other.centre - one.centre
+            off = max(abs(float(apart[:2] @ self.forward.direction)), abs(float(apart[2])))
             if off > _ROUNDED[1]:
-                said.append(
-                    f"{one.name} and {other.name} are {1e3 * off:.3g} mm from one axle; taken as on one"
-                )
+                axle = f"{1e3 * off:.3g} mm from one axle; taken as on one"
+                said.append(f"{one.name} and {other.name} are {axle}")
         if self.wheels and self.rolling and self.beside > _ROUNDED[1]:
             said.append(
                 f"the tyres are {1e3 * self.beside:.3g} mm beside the frames of their joints, which are "
                 "taken as their places"
             )
         return said
+
+    def orient(self, forward: Forward, keep_sides: bool, keep_wheels: bool) -> None:
+        """Set forward, and with it right and left and the order of wheels, where these are not kept."""
+        self.forward = forward
+
+        def to_the_left(thing: Rolling | Joint) -> float:
+            return float(thing.centre[:2] @ forward.left)
+
+        def to_the_front(thing: Rolling | Joint) -> float:
+            return float(thing.centre[:2] @ forward.direction)
+
+        if not keep_sides:
+            both = zip(self.right, self.left, strict=True)
+            pairs = [sorted(pair, key=to_the_left) for pair in both]
+            pairs.sort(key=lambda pair: -to_the_front(pair[0]))
+            self.right, self.left = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+        if not keep_wheels:
+            self.wheels.sort(key=lambda w: (-round(to_the_front(w) / SAME_PLACE), -to_the_left(w)))
+        order = {w.turning: i for i, w in enumerate(self.wheels)}  # of a swerve platform
+        last = len(order)
+        self.steering.sort(key=lambda j: order.get(j, last) if order else to_the_left(j))
+        self.front.sort(key=to_the_left)
+
+    def lock_passive(self, wheels: list[Rolling]) -> None:
+        """Lock everything about wheels that is no coordinate of the platform."""
+        own = self.own
+        turning = [w for w in wheels if w.name not in own]
+        every = [*self.rolling, *turning]
+        casters = [w for w in turning if w.swivel is not None or w.says(CASTER)]
+        none = "" if self.coordinates else f"wheels: {self.type.value} platforms have none"
+        self.locks += lock_once(
+            {name for lock in self.locks for name in lock.joints} | own,
+            (
+                [w.name for w in wheels if none],
+                none,
+            ),  # they stay where they are for the axle's place
+            (_names((w.swivel, w.joint, *w.rollers) for w in casters), "casters"),
+            (
+                _names((w.steering, w.joint, *w.rollers) for w in turning),
+                "wheels that do not drive",
+            ),
+            (_names(w.suspension for w in every), "suspension"),
+            (_names((w.swivel,) for w in every), "swivels of the wheels"),
+            (_names(w.rollers for w in every), "rollers"),
+        )
+
+    def ground(self, tree: Tree, radius: Inferred | None) -> tuple[Inferred, list[str]]:
+        """The height of the ground in the root link's frame (m), and what is not certain about it."""
+        if radius is not None and self.centre is not None:
+            z = float(self.centre[2]) - float(radius.value)
+            return Inferred(z, "where the wheels stand"), []
+        lowest = lowest_point(tree, [*tree.rigid(tree.root), *(w.joint.child for w in self.driven)])
+        named = footprint(tree, math.inf if lowest is None else lowest.value + 0.5)
+        ground = named or lowest or Inferred(0.0, f"the origin of {tree.root}")
+        if self.driven or self.type.value == "fixed" or says(FOOTPRINT, ground.why):
+            return ground, []
+        doubt = f"nothing rolls on the ground, so that it is taken as {ground.why} says: platform.height"
+        return ground, [doubt]
+
+
+def _names(groups: Iterable[Iterable[Joint | None]]) -> list[str]:
+    return [joint.name for joints in groups for joint in joints if joint is not None]
 
 
 def find_forward(
@@ -156,12 +201,11 @@ def find_forward(
     if np.linalg.norm(across - np.round(across)) < _ALONG:
         across = np.round(across)
     ahead = np.array([across[1], -across[0]])
-    centre = np.mean([w.joint.centre[:2] for w in wheels], axis=0)
+    centre = np.mean([w.centre[:2] for w in wheels], axis=0)
     sides = [
-        sideways(w.name, w.joint.child) * np.sign((w.joint.centre[:2] - centre) @ across)
-        for w in wheels
+        sideways(w.name, w.joint.child) * np.sign((w.centre[:2] - centre) @ across) for w in wheels
     ]
-    places = [(lengthwise(w.name, w.joint.child), w.joint.centre[:2]) for w in (*wheels, *others)]
+    places = [(lengthwise(w.name, w.joint.child), w.centre[:2]) for w in (*wheels, *others)]
     places += [(lengthwise(name), tree.position[name][:2]) for name in tree.rigid(tree.root)]
     # +1 where a name that says front or rear agrees, -1 where not
     ends = [
@@ -169,15 +213,14 @@ def find_forward(
         for end, place in places
         if end and abs((place - centre) @ ahead) > _NEAR
     ]
-    along_x = abs(ahead[0]) > abs(ahead[1])
     votes = [
         (_NAMES * float(np.mean(sides)), "the wheels' names (right, left)"),
         (_NAMES * float(np.mean(ends or [0.0])), "names with front and rear"),
-        # no convention puts y ahead, but those who draw it so mean +y
-        (_ROOT * float(np.sign(ahead[0])), "the root link's x axis")
-        if along_x
-        else (0.5 * _ARM * float(np.sign(ahead[1])), "the root link's y axis"),
     ]
+    if abs(ahead[0]) > abs(ahead[1]):
+        votes.append((_ROOT * float(np.sign(ahead[0])), "the root link's x axis"))
+    else:  # no convention puts y ahead, but those who draw it so mean +y
+        votes.append((0.5 * _ARM * float(np.sign(ahead[1])), "the root link's y axis"))
     if len(arms):
         reach = (arms[:, :2] - centre) @ ahead
         far = float(reach[np.argmax(np.abs(reach))])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from mobman.errors import UsageError
 
@@ -28,32 +28,7 @@ TYPES: dict[str, tuple[str, ...]] = {
 
 CASTER = r"cast[eo]r|passive|idler|support|swivel|free_?wheel|dummy|trailing"
 WHEEL = r"wheel(?!_?base)"
-MECANUM = r"mecanum|mechanum|swedish|omni"
-PLANAR_DRIVE = r"mecanum|mechanum|planar_?move|omni_?(drive|directional)|holonomic"
-FINGER = (
-    r"finger|thumb|knuckle|jaw|claw|phalan|gripper|robotiq|fngr|pinky|"
-    r"(^|_)(index|middle|ring|little|pincer|hand)(_|\d|$)"
-)
-FINGER_LINK = r"finger|thumb|knuckle|phalan|jaw|claw"
-HEAD = r"head|neck|camera|kinect|lidar|laser|sensor|(^|_)(pan|tilt)(_|$)|eye|display|antenna"
 FOOTPRINT = r"footprint"
-_PALM, _BASE = r"palm", r"gripper|hand"
-BASES = (_PALM, _BASE)
-TIPS = (
-    (r"tcp|tool_?cent|grasp", "the tool's centre"),
-    (r"(^|_)eef?(_|$)|end_?eff", "the end-effector"),
-    (r"tip\d*(_|$)", "the tip"),
-    (r"tool", "the tool"),
-    (_PALM, "the palm"),
-    (_BASE, "the gripper's base"),
-    (r"flange", "the flange"),
-)
-"""Names of frames at the end of an arm, the best ones first, and what they are."""
-NO_TIP = (
-    r"camera|optical|depth|infra|sensor|imu|(^|_)ft(_|$)|force|laser|color|rgb|aruco|marker|"
-    r"(^|_)led(_|$)|safety|accel|gyro"
-)
-
 _FRONT, _REAR = (
     r"front|(^|_)(f|fl|fr|lf|rf)(_|\d|$)",
     r"rear|back|(^|_)(b|bl|br|rl|rr|lr|lb|rb)(_|\d|$)",
@@ -63,50 +38,37 @@ _RIGHT, _LEFT = r"right|(^|_)(r|fr|rf|br|rb|rr)(_|\d|$)", r"left|(^|_)(l|fl|lf|b
 
 @dataclass(frozen=True)
 class Options:
-    """Facts that the user gives instead of having them inferred.
+    """Facts that the user gives instead of having them inferred."""
 
-    Attributes:
-        tip: Link whose origin is the end-effector.
-        right_wheels, left_wheels: Driven wheels on each side (joints).
-        wheels: Wheels of an omnidirectional platform (joints).
-        steering: Joints that steer.
-        platform: Platform type.
-        wheel_radius: m.
-        heading: Direction of forward in the root link's frame (rad).
-        lock: More joints that do not move: names or patterns.
-        types: Platform types that may be asked for, and those of their fields that are found.
-    """
-
-    tip: str | None = None
-    right_wheels: tuple[str, ...] = ()
+    tip: str | None = None  # link whose origin is the end-effector
+    right_wheels: tuple[str, ...] = ()  # driven wheels on each side (joints)
     left_wheels: tuple[str, ...] = ()
-    wheels: tuple[str, ...] = ()
-    steering: tuple[str, ...] = ()
-    platform: str | None = None
-    wheel_radius: float | None = None
-    heading: float | None = None
-    lock: tuple[str, ...] = ()
+    wheels: tuple[str, ...] = ()  # of an omnidirectional platform (joints)
+    steering: tuple[str, ...] = ()  # joints that steer
+    platform: str | None = None  # platform type
+    wheel_radius: float | None = None  # m
+    heading: float | None = None  # direction of forward in the root link's frame (rad)
+    lock: tuple[str, ...] = ()  # more joints that do not move: names or patterns
+    # platform types that may be asked for, and those of their fields that are found
     types: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: TYPES, hash=False)
 
-    def fields(self, platform: str) -> tuple[str, ...]:
+    def fields(self, platform: str | None) -> tuple[str, ...]:
         """The fields of a platform type that are found."""
-        return self.types.get(platform, ())
+        return self.types.get(platform or "", ())
 
     def without_wheels(self, platform: str | None) -> bool:
         """True if a platform type's wheels are no coordinates."""
         return platform is not None and not any("wheel" in f for f in self.fields(platform))
 
 
-@dataclass(frozen=True)
-class Inferred:
+class Inferred(NamedTuple):
     """A value and why it was taken."""
 
     value: Any
     why: str = ""
 
 
-@dataclass(frozen=True)
-class Lock:
+class Lock(NamedTuple):
     """Joints that do not move, and why."""
 
     joints: tuple[str, ...]
@@ -117,10 +79,9 @@ def lock_once(taken: set[str], *groups: tuple[Iterable[str], str]) -> list[Lock]
     """Locks of joints that are not taken, each by the first group that has it."""
     found, done = [], set(taken)
     for joints, why in groups:
-        names = dict.fromkeys(name for name in joints if name not in done)
-        done.update(names)
-        if names:
-            found.append(Lock(tuple(names), why))
+        if names := tuple(dict.fromkeys(name for name in joints if name not in done)):
+            done.update(names)
+            found.append(Lock(names, why))
     return found
 
 
@@ -129,14 +90,9 @@ class Undecided(UsageError):
 
 
 def says(pattern: str, *names: str) -> bool:
-    """True if one of the names matches the pattern."""
-    return any(re.search(pattern, _plain(name)) for name in names)
-
-
-def _plain(name: str) -> str:
-    """A name in lower case with ``_`` between its words."""
-    name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
-    return re.sub(r"[^a-z0-9]+", "_", name.lower())
+    """True if one of the names matches the pattern, in lower case with ``_`` between its words."""
+    words = (re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower() for name in names)
+    return any(re.search(pattern, re.sub(r"[^a-z0-9]+", "_", word)) for word in words)
 
 
 def lengthwise(*names: str) -> int:

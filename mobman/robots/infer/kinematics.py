@@ -14,8 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
+from mobman.errors import SpecError
 from mobman.robots.infer.findings import Inferred
-from mobman.robots.urdf.compose import flat_model, frame_of, root_link
+from mobman.robots.urdf.compose import flat_urdf, frame_of, root_link
 from mobman.robots.urdf.meshes import MeshReader, MeshReference, mesh_paths
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, Shape, Use, read_shapes, scalar
@@ -36,34 +37,24 @@ class Follows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint in the root link's frame, all joints at zero.
-
-    Attributes:
-        name, kind, parent, child: As the URDF has them.
-        lower, upper: Limits (m, rad), infinite where there are none.
-        follows: Which other joint it follows, and how (mimic).
-        centre: Its origin (m), shape (3,).
-        axis: Unit vector, shape (3,); zero if it is fixed.
-    """
+    """A joint in the root link's frame, all joints at zero."""
 
     name: str
-    kind: str
+    kind: str  # as the URDF has it, like the links
     parent: str
     child: str
-    lower: float
+    lower: float  # limits (m, rad), infinite where there are none
     upper: float
-    follows: Follows | None
-    centre: Array
-    axis: Array
+    follows: Follows | None  # which other joint it follows, and how (mimic)
+    centre: Array  # its origin (m), shape (3,)
+    axis: Array  # unit vector, shape (3,); zero if it is fixed
 
     @property
     def movable(self) -> bool:
-        """True unless the joint is fixed."""
         return self.kind != "fixed"
 
     @property
     def prismatic(self) -> bool:
-        """True if the joint slides."""
         return self.kind == "prismatic"
 
     @property
@@ -98,62 +89,59 @@ class Joint:
 
 
 class Tree:
-    """Links and joints of a checked URDF with all joints at zero, and the shapes of the links.
-
-    Attributes:
-        model: Pinocchio's model, root link at the world's origin, one coordinate a joint.
-        root: Name of the root link.
-        links: ``<link>`` elements by name.
-        joints: In the file's order.
-        virtual: Planar joints in front of the base, which simulators that know no wheels want: to all
-            else they are fixed.
-        movable: The others with a degree of freedom, mimic joints included.
-        position: Of each link's frame in the root's (m), by name.
-    """
+    """Links and joints of a checked URDF with all joints at zero, and the shapes of the links."""
 
     def __init__(self, robot: ET.Element, urdf: UrdfFile) -> None:
         where = f"the URDF {urdf.path}"
-        self.root = root_link(robot, where)
+        self.robot, self._urdf, self._meshes = robot, urdf, MeshReader()
+        self.root = root_link(robot, where)  # name of the root link
         self.links = {link.get("name", ""): link for link in robot.findall("link")}
-        self.model = flat_model(deepcopy(robot), where)
-        self._robot, self._urdf, self._meshes = robot, urdf, MeshReader()
+        xml = flat_urdf(deepcopy(robot), where, base_joints=())
+        try:  # root link at the world's origin, one coordinate a joint
+            self.model = pin.buildModelFromXML(xml)
+        except (ValueError, RuntimeError) as error:
+            raise SpecError(f"{where}: Pinocchio refuses the URDF: {error}") from error
         data, rest = self.model.createData(), np.zeros(self.model.nq)
         pin.computeJointJacobians(self.model, data, rest)
         pin.updateFramePlacements(self.model, data)
         self._places = {name: data.oMf[frame_of(self.model, name)].copy() for name in self.links}
+        # of each link's frame in the root's (m)
         self.position = {name: place.translation for name, place in self._places.items()}
-        self.joints = [self._joint(joint, data) for joint in robot.findall("joint")]
+        self._shapes: dict[tuple[str, Use], list[Shape]] = {}
+        self._set_joints([self._joint(joint, data) for joint in robot.findall("joint")])
+        # planar joints in front of the base, which simulators that know no wheels want: to all else
+        # they are fixed
         self.virtual = self._virtual()
         names = {joint.name for joint in self.virtual}
-        self.joints = [replace(j, kind="fixed") if j.name in names else j for j in self.joints]
-        self.__dict__.pop("_children", None)
-        self.movable = [joint for joint in self.joints if joint.movable]
-        self._above = {joint.child: joint for joint in self.joints}
-        self._shapes: dict[tuple[str, Use], list[Shape]] = {}
+        fixed = [replace(j, kind="fixed") if j.name in names else j for j in self.joints]
+        self._set_joints(fixed)
+
+    def _set_joints(self, joints: list[Joint]) -> None:
+        self.joints = joints  # in the file's order
+        # with a degree of freedom, mimic joints included, virtual ones not
+        self.movable = [joint for joint in joints if joint.movable]
+        self._above = {joint.child: joint for joint in joints}
+        self._children = {name: [j for j in joints if j.parent == name] for name in self.links}
 
     def _joint(self, element: ET.Element, data: pin.Data) -> Joint:
         name, kind = element.get("name", ""), element.get("type", "")
         parent, child = (next(element.iter(end)).get("link", "") for end in ("parent", "child"))
         limit, mimic = element.find("limit"), element.find("mimic")
-        endless, axis, follows = kind == "continuous", np.zeros(3), None
+        axis, follows = np.zeros(3), None
         if mimic is not None:
             law = scalar(mimic, "multiplier", 1.0), scalar(mimic, "offset")
             follows = Follows(mimic.get("joint", ""), *law)
         if kind != "fixed":
             columns = np.reshape(data.J, (6, -1))  # of one joint Pinocchio gives a vector
             column = columns[:, self.model.joints[self.model.getJointId(name)].idx_v]
-            axis = column[:3] if kind == "prismatic" else column[3:]
-        return Joint(
-            name=name,
-            kind=kind,
-            parent=parent,
-            child=child,
-            lower=-math.inf if endless else _bound(scalar(limit, "lower")),
-            upper=math.inf if endless else _bound(scalar(limit, "upper")),
-            follows=follows,
-            centre=self.position[child],
-            axis=np.array(axis),
+            axis = np.array(column[:3] if kind == "prismatic" else column[3:])
+        ends = [scalar(limit, "lower"), scalar(limit, "upper")]
+        if kind == "continuous":
+            ends = [-math.inf, math.inf]
+        lower, upper = (
+            end if abs(end) < _NO_BOUND else math.copysign(math.inf, end) for end in ends
         )
+        return Joint(name, kind, parent, child, lower, upper, follows, self.position[child], axis)
 
     def _virtual(self) -> list[Joint]:
         """The planar joints (x, y, turning) between the root and the platform's first real link.
@@ -176,24 +164,17 @@ class Tree:
         """The movable joint of a name; None if there is none."""
         return next((joint for joint in self.movable if joint.name == name), None)
 
-    def chain(self, link: str) -> list[Joint]:
-        """The movable joints from the root to a link."""
-        return [joint for joint in self._way(link) if joint.movable]
-
-    def depth(self, link: str) -> int:
-        """The number of joints of any kind between the root and a link."""
-        return len(self._way(link))
-
-    def _way(self, link: str) -> list[Joint]:
+    def way(self, link: str) -> list[Joint]:
+        """The joints of any kind from the root to a link."""
         way: list[Joint] = []
         while link in self._above:
             way.insert(0, self._above[link])
             link = way[0].parent
         return way
 
-    @cached_property
-    def _children(self) -> dict[str, list[Joint]]:
-        return {name: [j for j in self.joints if j.parent == name] for name in self.links}
+    def chain(self, link: str) -> list[Joint]:
+        """The movable joints from the root to a link."""
+        return [joint for joint in self.way(link) if joint.movable]
 
     def rigid(self, link: str) -> list[str]:
         """A link and what is fixed to it further out, from the inside outwards."""
@@ -212,15 +193,14 @@ class Tree:
             yield following
             yield from self.behind(following)
 
-    def shapes(self, link: str, use: Use) -> list[Shape]:
-        """The shapes of a link in the root's frame; those of missing or unreadable meshes as well."""
-        if (link, use) not in self._shapes:
-            place = self._places[link]
-            self._shapes[link, use] = [
-                shape.placed(place.rotation, place.translation)
-                for shape in read_shapes(self.links[link], use, self._vertices)
-            ]
-        return self._shapes[link, use]
+    def shapes(self, *links: str, use: Use) -> list[tuple[str, Shape]]:
+        """The shapes of links in the root's frame, with the links; those of missing or unreadable meshes
+        as well."""
+        for link in links:
+            if (link, use) not in self._shapes:
+                place, own = self._places[link], read_shapes(self.links[link], use, self._vertices)
+                self._shapes[link, use] = [s.placed(place.rotation, place.translation) for s in own]
+        return [(link, shape) for link in links for shape in self._shapes[link, use]]
 
     def lacks(self, filename: str) -> str:
         """Reason why a mesh of the URDF cannot be used, as many a manufacturer's; empty if it can."""
@@ -228,16 +208,11 @@ class Tree:
 
     @cached_property
     def _found(self) -> dict[str, MeshReference]:
-        return {mesh.filename: mesh for mesh in mesh_paths(self._robot, self._urdf)}
+        return {mesh.filename: mesh for mesh in mesh_paths(self.robot, self._urdf)}
 
     def _vertices(self, filename: str) -> Array | None:
         path = self._found[filename].path
         return None if path is None else self._meshes.vertices(path)
-
-
-def _bound(limit: float) -> float:
-    """A limit (m, rad); infinite where it is so large that it is none."""
-    return limit if abs(limit) < _NO_BOUND else math.copysign(math.inf, limit)
 
 
 def names_of(joints: Iterable[Joint]) -> str:
@@ -274,8 +249,7 @@ class Chain:
         self, tree: Tree, joints: Sequence[Joint], tip: str, held: Mapping[str, Inferred]
     ) -> None:
         self.joints = tuple(joints)
-        self._tree, self._followers = tree, followers(tree, joints)
-        every = [*joints, *self._followers]
+        every, names = [*joints, *followers(tree, joints)], [joint.name for joint in joints]
         q, own = np.zeros(tree.model.nq), {joint.name for joint in every}
         for name, at in held.items():
             q[tree.model.joints[tree.model.getJointId(name)].idx_q] = float(at.value)
@@ -285,28 +259,22 @@ class Chain:
         self._tip = frame_of(self._model, tip)
         self._sliding = np.array([joint.prismatic for joint in joints])[:, None]
         index = [int(self._model.joints[self._model.getJointId(one.name)].idx_q) for one in every]
-        self._own, names = index[: len(joints)], [joint.name for joint in joints]
+        self._own = index[: len(joints)]
+        # all positions from those of the joints
         self._laws, self._offsets = np.zeros((len(every), len(joints))), np.zeros(len(every))
-        for i, joint in zip(index, every, strict=True):  # all positions from those of the joints
-            law = (
-                followed(tree, joint) if joint.name not in names else Follows(joint.name, 1.0, 0.0)
-            )
-            self._laws[i, names.index(law.joint)] = law.multiplier
-            self._offsets[i] = law.offset
-        carrying = self._model.supports[self._model.frames[self._tip].parentJoint]
-        self._moving = self._laws * np.isin(np.arange(len(every)) + 1, list(carrying))[:, None]
-
-    def limits(self) -> Array:
-        """Limits of the joints (m, rad) within which those that follow them keep theirs, (n, 2)."""
-        bounds = np.array([[joint.lower, joint.upper] for joint in self.joints])
-        for joint in self._followers:
-            law = followed(self._tree, joint)
-            i = [one.name for one in self.joints].index(law.joint)
+        bounds = np.array([[joint.lower, joint.upper] for joint in joints])
+        for i, joint in zip(index, every, strict=True):
+            law = followed(tree, joint)
+            at_law = names.index(law.joint)
+            self._laws[i, at_law], self._offsets[i] = law.multiplier, law.offset
             if law.multiplier:
                 ends = (np.array([joint.lower, joint.upper]) - law.offset) / law.multiplier
-                within = np.clip(np.sort(ends), *bounds[i])
-                bounds[i] = within if within[0] < within[1] else bounds[i]
-        return bounds
+                within = np.clip(np.sort(ends), *bounds[at_law])
+                bounds[at_law] = within if within[0] < within[1] else bounds[at_law]
+        self.limits = bounds
+        """Limits of the joints (m, rad) within which those that follow them keep theirs, (n, 2)."""
+        carrying = self._model.supports[self._model.frames[self._tip].parentJoint]
+        self._moving = self._laws * np.isin(np.arange(len(every)) + 1, list(carrying))[:, None]
 
     def places(self, q: Array) -> tuple[Array, Array, Array, Array]:
         """Places for postures q (m, rad), shape (m, n), in the root's frame (m).
@@ -351,17 +319,14 @@ def _held_at(tree: Tree, joint: Joint, rest: Mapping[str, float], seen: frozense
     """The position of a held joint: with its master, else at zero; within its limits."""
     if joint.name in rest:
         return Inferred(rest[joint.name])
-    wanted, why = 0.0, "0 is outside its limits"
-    follows = joint.follows
+    wanted, why, follows = 0.0, "0 is outside its limits", joint.follows
     if follows is not None and joint.name not in seen:
         master = tree.joint(follows.joint)
         at = 0.0 if master is None else _held_at(tree, master, rest, seen | {joint.name}).value
         wanted = round(follows.multiplier * at + follows.offset, 9) + 0.0
         why = f"where {follows.joint} at {at:.4g} takes it (mimic)"
     value = float(min(max(wanted, joint.lower), joint.upper))
-    if value != wanted and follows is not None:
-        why += ", within its limits"
-    return Inferred(value, why)
+    return Inferred(value, f"{why}, within its limits" if value != wanted and follows else why)
 
 
 def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:

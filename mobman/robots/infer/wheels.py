@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
@@ -40,53 +39,35 @@ _ALIKE = 0.1  # rad; between the axes of one pair, and between an axis and the w
 _ALLOWED = (0.005, 0.01)  # m, rad; what platforms with wheels allow between axles and axes
 
 
-@dataclass(frozen=True, eq=False)
 class Rolling:
-    """A wheel.
+    """A wheel: of a joint that rolls, or is said to."""
 
-    Attributes:
-        joint: Its joint.
-        collision, visual: The radius that its geometry has (m).
-        middle: Of its tyre, on its axis in the root link's frame (m), shape (3,): the joint's own place
-            unless geometry says otherwise.
-        swivel: The joint that lets it turn about the vertical freely.
-        steering: The joint that steers it.
-        suspension: Joints between it and the base with little travel.
-        rollers: Joints behind it.
-        meshes: File names of the meshes of what turns with it.
-    """
-
-    joint: Joint
-    collision: Inferred | None
-    visual: Inferred | None
-    middle: Array
-    swivel: Joint | None
-    steering: Joint | None
-    suspension: tuple[Joint, ...]
-    rollers: tuple[Joint, ...]
-    meshes: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        """The joint's name."""
-        return self.joint.name
-
-    @property
-    def radius(self) -> float | None:
-        """The radius of its geometry (m)."""
-        said = self.collision or self.visual
-        return None if said is None else float(said.value)
-
-    @property
-    def turning(self) -> Joint | None:
-        """The joint that turns it about the vertical."""
-        return self.swivel or self.steering
-
-    @property
-    def joints(self) -> list[Joint]:
-        """All joints about it."""
+    def __init__(self, tree: Tree, joint: Joint) -> None:
+        above, self.rollers = tree.chain(joint.parent), list(tree.behind(joint))
+        self.joint, self.name, self.centre = joint, joint.name, joint.centre
+        self.swivel = next(
+            (j for j in above if j.swivels), None
+        )  # turns it about the vertical freely
+        self.steering = next((j for j in above if j.steers and not _suspends(j)), None)
+        self.turning = self.swivel or self.steering
+        # joints between it and the base with little travel
+        self.suspension = [j for j in above if _suspends(j)]
         turning = [j for j in (self.swivel, self.steering) if j is not None]
-        return [self.joint, *turning, *self.suspension, *self.rollers]
+        self.joints = [joint, *turning, *self.suspension, *self.rollers]
+        # its own link, what is fixed to it, and rollers
+        links = [link for j in (joint, *self.rollers) for link in tree.rigid(j.child)]
+        meshes = (mesh for link in links for mesh in tree.links[link].iter("mesh"))
+        self.meshes = [mesh.get("filename", "").strip() for mesh in meshes]
+        # the radius that its geometry has (m)
+        sizes = [_radius(tree, joint, use, links, bool(self.rollers)) for use in USES]
+        self.collision, self.visual = (size for size, _ in sizes)
+        said = self.collision or self.visual
+        self.radius = None if said is None else float(said.value)
+        # the middle of its tyre, on its axis in the root link's frame (m), shape (3,): the joint's own
+        # place unless geometry says otherwise
+        tyre = next((shape for size, shape in sizes if size is not None), None)
+        beside = 0.0 if tyre is None else _beside(tyre, joint)
+        self.middle: Array = joint.centre + beside * joint.axis
 
     @cached_property
     def across(self) -> Array:
@@ -118,40 +99,21 @@ def rolling_wheels(tree: Tree) -> tuple[list[Rolling], list[Rolling]]:
     found: dict[str, Rolling] = {}
     for joint in tree.movable:
         above = tree.chain(joint.parent)
-        if (
-            not joint.prismatic
-            and joint.horizontal
-            and (joint.endless or says(WHEEL, joint.name, joint.child))
-            and _carries_nothing(tree, joint)
-            and len(above) <= _FEW_JOINTS
-            and all(j.vertical or _suspends(j) for j in above)
-        ):
-            found[joint.name] = as_wheel(tree, joint)
+        level = joint.horizontal and all(j.vertical or _suspends(j) for j in above)
+        if level and _may_roll(tree, joint):
+            found[joint.name] = Rolling(tree, joint)
     wheels = [w for w in found.values() if followed(tree, w.joint).joint in found]
-    low = _on_ground(wheels)
-    return low, [w for w in wheels if w not in low]
+    bottoms = {w: float(w.centre[2]) - w.radius for w in wheels if w.radius is not None}
+    lowest = min(bottoms.values(), default=0.0)
+    lowest_axle = min((float(w.centre[2]) for w in wheels), default=0.0)
 
+    def touches(wheel: Rolling) -> bool:
+        if wheel.radius is not None:
+            return bottoms[wheel] - lowest < max(_ON_GROUND, 0.25 * wheel.radius)
+        return float(wheel.centre[2]) - lowest_axle < _AXLE_HEIGHT
 
-def as_wheel(tree: Tree, joint: Joint) -> Rolling:
-    """A joint that is said to be a wheel."""
-    above = tree.chain(joint.parent)
-    collision, visual = (_radius(tree, joint, use) for use in ("collision", "visual"))
-    tyre = (collision or visual or (None, None))[1]
-    return Rolling(
-        joint=joint,
-        collision=collision and collision[0],
-        visual=visual and visual[0],
-        middle=joint.centre + (0.0 if tyre is None else _beside(tyre, joint)) * joint.axis,
-        swivel=next((j for j in above if j.swivels), None),
-        steering=next((j for j in above if j.steers and not _suspends(j)), None),
-        suspension=tuple(j for j in above if _suspends(j)),
-        rollers=tuple(tree.behind(joint)),
-        meshes=tuple(
-            mesh.get("filename", "").strip()
-            for link in _turning(tree, joint)
-            for mesh in tree.links[link].iter("mesh")
-        ),
-    )
+    low = [wheel for wheel in wheels if touches(wheel)]
+    return low, [wheel for wheel in wheels if wheel not in low]
 
 
 def pairs_of(wheels: Sequence[Rolling]) -> list[tuple[Rolling, Rolling]]:
@@ -162,51 +124,34 @@ def pairs_of(wheels: Sequence[Rolling]) -> list[tuple[Rolling, Rolling]]:
     pairs: list[tuple[Rolling, Rolling]] = []
     rest = list(wheels)
     while rest:
-        first = rest[0]
-        axle = [w for w in rest if _one_axle(first, w)]
-        rest = [w for w in rest if w not in axle]
-        axle.sort(key=lambda w: float(w.joint.centre[:2] @ first.across))
-        if len(axle) >= 2:
-            pairs.append((axle[0], axle[-1]))
+        first, axle = rest[0], []
+        for wheel in rest:
+            apart = wheel.centre - first.centre
+            off = max(abs(float(apart[:2] @ first.ahead)), abs(float(apart[2])))
+            axle += [wheel] if first.parallel(wheel) and off < SAME_PLACE else []
+        rest = [wheel for wheel in rest if wheel not in axle]
+        axle.sort(key=lambda wheel: float(wheel.centre[:2] @ first.across))
+        pairs += [(axle[0], axle[-1])] if len(axle) >= 2 else []
     return pairs
 
 
-def _one_axle(one: Rolling, other: Rolling) -> bool:
-    apart = other.joint.centre - one.joint.centre
-    off = max(abs(float(apart[:2] @ one.ahead)), abs(float(apart[2])))
-    return one.parallel(other) and off < SAME_PLACE
-
-
-def _carries_nothing(tree: Tree, joint: Joint) -> bool:
-    """True if a joint carries nothing that moves, or nothing but rollers."""
+def _may_roll(tree: Tree, joint: Joint) -> bool:
+    """True if a joint turns without limits, or is called a wheel, and has few joints in front of it and
+    nothing behind it that moves but rollers."""
     behind = list(tree.behind(joint))
-    leaves = all(not any(tree.behind(j)) for j in behind)
-    return not behind or (leaves and len(behind) >= _ROLLERS and all(j.endless for j in behind))
+    leaves = all(j.endless and not any(tree.behind(j)) for j in behind)
+    return (
+        not joint.prismatic
+        and (joint.endless or says(WHEEL, joint.name, joint.child))
+        and (not behind or (leaves and len(behind) >= _ROLLERS))
+        and len(tree.chain(joint.parent)) <= _FEW_JOINTS
+    )
 
 
 def _suspends(joint: Joint) -> bool:
     if joint.prismatic:
         return joint.width <= _TRAVEL[0]
     return not joint.vertical and joint.width <= _TRAVEL[1]
-
-
-def _on_ground(wheels: list[Rolling]) -> list[Rolling]:
-    """The wheels, less those that are high above the ground."""
-    heights = {w: float(w.joint.centre[2]) for w in wheels}
-    bottoms = {w: heights[w] - w.radius for w in wheels if w.radius is not None}
-    lowest, lowest_axle = min(bottoms.values(), default=0.0), min(heights.values(), default=0.0)
-
-    def touches(wheel: Rolling) -> bool:
-        if wheel.radius is not None:
-            return bottoms[wheel] - lowest < max(_ON_GROUND, 0.25 * wheel.radius)
-        return heights[wheel] - lowest_axle < _AXLE_HEIGHT
-
-    return [w for w in wheels if touches(w)]
-
-
-def _turning(tree: Tree, joint: Joint) -> list[str]:
-    """Links that turn with a wheel: its own, what is fixed to it, and rollers."""
-    return [link for j in (joint, *tree.behind(joint)) for link in tree.rigid(j.child)]
 
 
 def _beside(tyre: Shape, joint: Joint) -> float:
@@ -219,45 +164,45 @@ def _beside(tyre: Shape, joint: Joint) -> float:
     return 0.5 * (low + high) if tyre.kind != "mesh" or max(low, -high) > _LEAST else 0.0
 
 
-def _radius(tree: Tree, joint: Joint, use: Use) -> tuple[Inferred, Shape | None] | None:
+def _radius(
+    tree: Tree, joint: Joint, use: Use, turning: Sequence[str], rollers: bool
+) -> tuple[Inferred | None, Shape | None]:
     """The radius that the collision or the visual geometry behind a joint has about its axis, and the
     shape that has it (None: several together).
 
     None if there is none, or if some of its meshes are missing: what is left may be the hub only.
     """
-    shapes = [(link, shape) for link in _turning(tree, joint) for shape in tree.shapes(link, use)]
+    shapes, about = tree.shapes(*turning, use=use), (joint.centre, joint.axis)
     complete = all(shape.known for _, shape in shapes)
     found: list[tuple[Inferred, Shape | None]] = [
         (Inferred(value, f"{use} {shape.kind} of {link}"), shape)
         for link, shape in sorted(shapes, key=lambda entry: entry[1].kind == "mesh")
-        if (complete or shape.kind != "mesh")
-        and (value := radius_about(shape, joint.centre, joint.axis)) is not None
+        if (complete or shape.kind != "mesh") and (value := radius_about(shape, *about)) is not None
     ]
-    if any(tree.behind(joint)) and shapes and complete:  # rollers: round together only
-        together = extent_about([shape for _, shape in shapes], joint.centre, joint.axis)
-        if together is not None:
-            why = f"{use} geometry of {joint.child} and its rollers"
-            found.append((Inferred(together, why), None))
-    return max(found, key=lambda radius: float(radius[0].value), default=None)
+    if rollers and shapes and complete:  # they are round together only
+        together = extent_about([shape for _, shape in shapes], *about)
+        why = f"{use} geometry of {joint.child} and its rollers"
+        found += [] if together is None else [(Inferred(together, why), None)]
+    return max(found, key=lambda size: float(size[0].value), default=(None, None))
 
 
 def footprint(tree: Tree, below: float) -> Inferred | None:
     """The ground (m) as the origin of a link made for it, if it is below a height (m)."""
-    for name in (tree.root, *tree.rigid(tree.root)):
+    for name in tree.rigid(tree.root):
         height = float(tree.position[name][2])
         if says(FOOTPRINT, name) and height < below - _LEAST:
             return Inferred(height, name)
     return None
 
 
-def lowest_point(tree: Tree, links: Iterable[str]) -> Inferred | None:
+def lowest_point(tree: Tree, links: Sequence[str]) -> Inferred | None:
     """The height of the lowest point of the geometry of links (m)."""
     down = np.array([0.0, 0.0, -1.0])
     lowest = [
         Inferred(-shape.reach(down), f"the lowest point, {shape.use} {shape.kind} of {link}")
-        for link in links
+        for name in links
         for use in USES
-        for shape in tree.shapes(link, use)
+        for link, shape in tree.shapes(name, use=use)
         if shape.known
     ]
     return min(lowest, key=lambda ground: float(ground.value), default=None)
@@ -285,7 +230,7 @@ def settle_radius(
         if values and values[-1] - values[0] > SAME_RADIUS:
             radii = ", ".join(f"{value:.4g}" for value in values)
             uncertain.append(f"the {use} geometry gives the wheels radii of {radii} m")
-    axle = float(np.mean([w.joint.centre[2] for w in wheels]))
+    axle = float(np.mean([w.centre[2] for w in wheels]))
     if (ground := footprint(tree, axle)) is not None:
         sources.append(Inferred(axle - ground.value, f"height of the axle above {ground.why}"))
     if (asked := options.wheel_radius) is not None:
@@ -301,11 +246,10 @@ def settle_radius(
         if lowest is None or axle - lowest.value < _LEAST:
             problems = [(name, tree.lacks(name)) for name in dict.fromkeys(wheels[0].meshes)]
             missing = [f"its mesh {name} {problem}" for name, problem in problems if problem]
-            meshes = missing[0] if missing else "no round mesh"
             raise Undecided(
                 f"nothing tells the wheels' radius: {wheels[0].joint.child} has no cylinder or sphere, "
-                f"{meshes}, and there is no base_footprint below the axle: give --wheel-radius, or the "
-                "folders of the meshes by --package-path"
+                f"{(missing or ['no round mesh'])[0]}, and there is no base_footprint below the axle: "
+                "give --wheel-radius, or the folders of the meshes by --package-path"
             )
         uncertain.append(
             "the wheels' radius: their links have no geometry that was found, and the casters say where "
@@ -318,9 +262,7 @@ def settle_radius(
         if abs(second - third) <= SAME_RADIUS < abs(first - second):
             taken = sources[1]
     value, why = round(taken.value, _DIGITS), taken.why
-    apart = [
-        float(np.linalg.norm(a.joint.centre - b.joint.centre)) for a, b in combinations(wheels, 2)
-    ]
+    apart = [float(np.linalg.norm(a.centre - b.centre)) for a, b in combinations(wheels, 2)]
     if value > (track := max(apart, default=math.inf)) or value < _SMALLEST:
         than = f"they are {track:.4g} m apart" if value > track else "that is no wheel's"
         unit = "; is its mesh in millimetres? Then give it scale 0.001" if "mesh" in why else ""
@@ -338,15 +280,8 @@ def settle_radius(
 
 def what_to_name(tree: Tree) -> str:
     """Advice where no wheels drive: the nearest pair, its faults, and the joints that may be named."""
-    found = [  # they turn without limits, not about the vertical, and carry nothing
-        joint
-        for joint in tree.movable
-        if not (joint.prismatic or joint.follows)
-        and (joint.endless or says(WHEEL, joint.name, joint.child))
-        and abs(float(joint.axis[2])) < math.sin(_LEANS)
-        and _carries_nothing(tree, joint)
-        and len(tree.chain(joint.parent)) <= _FEW_JOINTS
-    ]
+    joints = [joint for joint in tree.movable if not joint.follows and _may_roll(tree, joint)]
+    found = [joint for joint in joints if abs(float(joint.axis[2])) < math.sin(_LEANS)]
     if len(found) < 2:
         upright = [j for j in tree.movable if j.endless and j.vertical and not any(tree.behind(j))]
         turning = f" ({names_of(upright)}: about the vertical)" if upright else ""
@@ -355,18 +290,17 @@ def what_to_name(tree: Tree) -> str:
             f"the URDF has no joint{only} that could be named by --right-wheel and --left-wheel"
             f"{turning}; correct it"
         )
-
-    def rank(pair: tuple[Joint, Joint]) -> tuple[int, int, float]:
-        """The fewest faults, the most telling names and the widest track first."""
-        named = sum(says(WHEEL, joint.name, joint.child) for joint in pair)
-        track = float(np.linalg.norm(pair[0].centre - pair[1].centre))
-        return len(faults[pair][0]), -named, -track
-
     compared = ((pair, _faults(tree, *pair)) for pair in combinations(found, 2))
     faults = {pair: said for pair, said in compared if said is not None}
     if not faults:
         may = names_of(found)
         return f"name them by --right-wheel and --left-wheel (joints that may be wheels: {may})"
+
+    def rank(pair: tuple[Joint, Joint]) -> tuple[int, int, float]:
+        """The fewest faults, the most telling names and the widest track first."""
+        named = sum(says(WHEEL, joint.name, joint.child) for joint in pair)
+        return len(faults[pair][0]), -named, -float(np.linalg.norm(pair[0].centre - pair[1].centre))
+
     near = min(faults, key=rank)
     said, nameable = faults[near]
     why = f"the nearest pair, {near[0].name} and {near[1].name}, was not taken: {'; '.join(said)}"
@@ -380,36 +314,31 @@ def _faults(tree: Tree, one: Joint, other: Joint) -> tuple[list[str], bool] | No
 
     None if they are not side by side at all.
     """
-    both = (one, other)
-    apart = other.centre - one.centre
-    across = one.axis[:2] / np.linalg.norm(one.axis[:2])
-    track = abs(float(apart[:2] @ across))
-    ahead = abs(float(apart[:2] @ np.array([across[1], -across[0]])))
+    both, apart = (one, other), other.centre - one.centre
+    x, y = one.axis[:2] / np.linalg.norm(one.axis[:2])
+    track, ahead = abs(float(apart[:2] @ [x, y])), abs(float(apart[:2] @ [y, -x]))
     along = min(abs(float(one.axis @ other.axis)), 1.0)
     if track < SAME_PLACE or along < math.cos(2.0 * _LEANS) or ahead > track:
         return None
-    faults = []
     tilts = [math.asin(min(abs(float(joint.axis[2])), 1.0)) for joint in both]
-    if not (one.horizontal and other.horizontal):
-        lean = " and ".join(f"{tilt:.3g}" for tilt in tilts)
-        faults.append(f"their axes are {lean} rad from horizontal (camber)")
+    lean = " and ".join(f"{tilt:.3g}" for tilt in tilts)
     level, angle = abs(float(apart[2])), math.acos(along)
-    if level > SAME_PLACE:
-        faults.append(f"their heights differ by {level:.3g} m")
-    if ahead > SAME_PLACE:
-        faults.append(f"one is {ahead:.3g} m ahead of the other")
-    if angle > _ALIKE:
-        faults.append(f"their axes are {angle:.3g} rad apart")
-    radii = [radius for j in both if (radius := as_wheel(tree, j).radius) is not None]
-    if len(radii) == 2 and abs(radii[0] - radii[1]) > SAME_RADIUS:
-        faults.append(f"their radii differ ({radii[0]:.4g} and {radii[1]:.4g} m)")
+    radii = [radius for j in both if (radius := Rolling(tree, j).radius) is not None]
+    unlike = len(radii) == 2 and abs(radii[0] - radii[1]) > SAME_RADIUS
     casters = [
         joint.name
         for joint in both
         if says(CASTER, joint.name, joint.child)
         or any(above.swivels for above in tree.chain(joint.parent))
     ]
-    if casters:
-        faults.append(f"{' and '.join(casters)} swivels or is a caster's by its name")
+    faults = {
+        f"their axes are {lean} rad from horizontal (camber)": not all(j.horizontal for j in both),
+        f"their heights differ by {level:.3g} m": level > SAME_PLACE,
+        f"one is {ahead:.3g} m ahead of the other": ahead > SAME_PLACE,
+        f"their axes are {angle:.3g} rad apart": angle > _ALIKE,
+        f"their radii differ ({' and '.join(f'{r:.4g}' for r in radii)} m)": unlike,
+        f"{' and '.join(casters)} swivels or is a caster's by its name": bool(casters),
+    }
     nameable = max(level, ahead) <= _ALLOWED[0] and max(*tilts, angle) <= _ALLOWED[1]
-    return faults or ["they are not on the ground, or smaller than other wheels"], nameable
+    found = [fault for fault, there in faults.items() if there]
+    return found or ["they are not on the ground, or smaller than other wheels"], nameable

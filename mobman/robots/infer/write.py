@@ -6,6 +6,7 @@ import os
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from fnmatch import fnmatchcase
 from glob import escape
 from itertools import islice
@@ -48,6 +49,7 @@ _GNU_SHORT = r"\b(?P<kind>L|A)?GPL"
 _GNU_KINDS = {"lesser": "L", "library": "L", "affero": "A", "l": "L", "a": "A"}
 _NUMBER = r"(?:[^0-9]{0,25}?\bv(?:ersion|er\.)?|[ -]?v?) ?(\d)(?:\.(\d))?\b"
 _COMMONS = r"Creative Commons|\bCC[ -]BY\b|\bCC0\b"
+_AUTHOR = r"author|copyright|\(c\)|©|export"
 _SEVERAL = r"[,;/]|\band\b|\bor\b(?!.{0,30}later)"
 _COMMONS_PARTS = (
     (r"Non-?Commercial|\bNC\b", "NC"),
@@ -86,10 +88,8 @@ def choose_name(wanted: str | None, output: Path | None, inside: str, urdf: Path
     """
     if wanted is not None:
         if not re.fullmatch(NAME, wanted):
-            raise UsageError(
-                f"--name {wanted!r}: allowed: letters, digits, '_', '.' and '-', first a letter or "
-                "digit"
-            )
+            allowed = "letters, digits, '_', '.' and '-', first a letter or digit"
+            raise UsageError(f"--name {wanted!r}: allowed: {allowed}")
         return wanted
     generic = re.fullmatch(_GENERIC, urdf.stem.lower()) is not None
     of_files = (inside, urdf.stem) if generic else (urdf.stem, inside)
@@ -126,7 +126,10 @@ def robot_toml(
     _say(toml, *(f"WARNING: {warning}." for warning in warnings))
     toml["schema"], toml["name"] = 1, name
     toml["description"] = f"{found.robot_name or path.stem}: {kind} platform, arm of {joints}"
-    toml["source"] = "; ".join([origin, *_header(path)])
+    comments = _comments(path)  # the first that says who wrote it
+    authors = [text for text in comments if re.search(_AUTHOR, text, re.IGNORECASE)][:1]
+    short = (text if len(text) <= _LINE else f"{text[: _LINE - 3]}..." for text in authors)
+    toml["source"] = "; ".join([origin, *short])
     toml["license"], toml["tags"] = licence(path), [kind]
     mounted = tomlkit.aot()
     for part, own in sources:
@@ -138,11 +141,8 @@ def robot_toml(
     if mounted:
         toml["mount"] = mounted
     platform = _table(toml, "platform", {"type": drive.type, **found.fields})
-    if (
-        "half_track" not in found.fields
-        and drive.rolling
-        and (half := drive.half_track) is not None
-    ):
+    half = drive.half_track if drive.rolling and "half_track" not in found.fields else None
+    if half is not None:
         _say(platform, f"half_track: half the distance of the wheels' centres is {half:.4f} m")
     if drive.steering and drive.right and drive.centre is not None:
         ahead = drive.steering[0].centre[:2] - drive.centre[:2]
@@ -156,10 +156,11 @@ def robot_toml(
     criterion = _table(toml, "criterion", weights, beside="K_F of (12)")
     if found.couplings:
         _say(criterion, _COUPLINGS)
-        tables = [tomlkit.inline_table() for _ in found.couplings]
-        for table, coupling in zip(tables, found.couplings, strict=True):
-            table.update(coupling.model_dump())
-        criterion["couplings"] = _rows((table, "") for table in tables)
+        rows = []
+        for coupling in found.couplings:
+            rows.append((tomlkit.inline_table(), ""))
+            rows[-1][0].update(coupling.model_dump())
+        criterion["couplings"] = _rows(rows)
     if found.weights:
         _table(criterion, "weights", found.weights, _WEIGHTS)
     return tomlkit.dumps(toml)
@@ -177,17 +178,18 @@ def _part(source: UrdfSource, own: set[str], found: Inference) -> Table:
         named |= {"parent": Inferred(source.parent, "as asked for"), "prefix": Inferred(prefix)}
     table = tomlkit.table()
     _fill(table, {key: said for key, said in named.items() if said.value})
-    locked = [
-        (tuple(n.removeprefix(prefix) for n in lock.joints if n.removeprefix(prefix) in own), lock)
+
+    def of_part(joints: Sequence[str]) -> list[str]:
+        names = (name.removeprefix(prefix) for name in joints)
+        return [name for name in names if name in own]
+
+    rows = [
+        (pattern, "" if i else lock.why)
         for lock in found.locks
+        for i, pattern in enumerate(patterns(of_part(lock.joints), of_part(found.joints)))
     ]
-    movable = [n.removeprefix(prefix) for n in found.joints if n.removeprefix(prefix) in own]
-    if any(names for names, _ in locked):
-        table["lock"] = _rows(
-            (pattern, "" if i else lock.why)
-            for names, lock in locked
-            for i, pattern in enumerate(patterns(names, movable))
-        )
+    if rows:
+        table["lock"] = _rows(rows)
     return table
 
 
@@ -247,11 +249,9 @@ def _rows(rows: Iterable[tuple[Any, str]]) -> Array:
 
 def _say(table: Table | TOMLDocument, *texts: str) -> None:
     """Add texts as lines of comments."""
-    for text in texts:
-        for line in textwrap.wrap(
-            _clean(text), _WIDTH - 2, break_long_words=False, break_on_hyphens=False
-        ):
-            table.add(tomlkit.comment(line))
+    wrapper = textwrap.TextWrapper(_WIDTH - 2, break_long_words=False, break_on_hyphens=False)
+    for line in (line for text in texts for line in wrapper.wrap(_clean(text))):
+        table.add(tomlkit.comment(line))
 
 
 def _clean(text: str) -> str:
@@ -280,12 +280,11 @@ def patterns(wanted: Sequence[str], every: Iterable[str]) -> list[str]:
 
 def _candidates(name: str) -> list[str]:
     """Patterns from the words of a name: how it begins, begins and ends, and ends."""
-    words = re.split(r"(?<=[_\-./ ])", name)
-    tails = [name[match.start() :] for match in re.finditer(r"[_\-./ ]", name)]
-    heads = ["".join(words[:i]) for i in range(1, len(words))]
-    ends = [("", tail) for tail in tails]
+    ends = [match.end() for match in re.finditer(r"[_\-./ ]", name)]
+    heads, tails = [name[:i] for i in ends], [name[i - 1 :] for i in ends]
     both = [(head, tail) for head in heads for tail in ("", *tails) if len(tail) < len(name)]
-    return [f"{escape(head)}*{escape(tail)}" for head, tail in (*both, *ends)]
+    both += [("", tail) for tail in tails]
+    return [f"{escape(head)}*{escape(tail)}" for head, tail in both]
 
 
 def urdf_source(
@@ -297,25 +296,21 @@ def urdf_source(
     """
     urdf = urdf.resolve()
     named = [_path_from(path.resolve(), folder) for path in packages]
-    for robots in urdf.parents:
-        if robots.parts[-2:] == (_PACKAGE, "robots"):
-            place = urdf.relative_to(robots).as_posix()
-            source = UrdfSource(path=place, package=_PACKAGE, up=up)
-            try:
-                if urdf_file(source, Path(), "").path == urdf:  # the package has this very file
-                    return source.model_copy(update={"packages": named})
-            except SpecError:
-                pass
+    for robots in (above for above in urdf.parents if above.parts[-2:] == (_PACKAGE, "robots")):
+        place = urdf.relative_to(robots).as_posix()
+        with suppress(SpecError):
+            found = urdf_file(UrdfSource(path=place, package=_PACKAGE), Path(), "")
+            if found.path == urdf:  # the package has this very file
+                return UrdfSource(path=place, package=_PACKAGE, packages=named, up=up)
     return UrdfSource(path=_path_from(urdf, folder), packages=named, up=up)
 
 
 def _path_from(path: Path, folder: Path | None) -> str:
     """A path relative to a folder where one is above the other, else absolute."""
-    if folder is None:
-        return str(path)
-    folder = folder.resolve()
-    if path.is_relative_to(folder) or folder.is_relative_to(path.parent):
-        return Path(os.path.relpath(path, folder)).as_posix()
+    if folder is not None:
+        folder = folder.resolve()
+        if path.is_relative_to(folder) or folder.is_relative_to(path.parent):
+            return Path(os.path.relpath(path, folder)).as_posix()
     return str(path)
 
 
@@ -338,14 +333,6 @@ def licence(path: Path) -> str:
     return "not stated"
 
 
-def _header(path: Path) -> list[str]:
-    """The first comment of a URDF that says who wrote it, in one line; none if there is none."""
-    for comment in _comments(path):
-        if re.search(r"author|copyright|\(c\)|©|export", comment, re.IGNORECASE):
-            return [comment if len(comment) <= _LINE else f"{comment[: _LINE - 3]}..."]
-    return []
-
-
 def _comments(path: Path) -> list[str]:
     """The comments at the start of a file, each in one line."""
     comments = re.findall(r"<!--(.*?)-->", _start(path, _HEADER), re.DOTALL)
@@ -360,10 +347,9 @@ def _start(path: Path, count: int) -> str:
 def _of_package(path: Path) -> str:
     try:
         content = read_input(path, "package's description", 1.0, "it has a few kB")
-        found = parse_xml(content, str(path))[0].find("license")
+        said = " ".join((parse_xml(content, str(path))[0].findtext("license") or "").split())
     except SpecError:
         return ""
-    said = "" if found is None else " ".join((found.text or "").split())
     if said.lower() in ("", "todo", "unknown"):
         return ""
     return said if re.search(_SEVERAL, said) else _named_in(said) or said
@@ -378,35 +364,21 @@ def _of_text(path: Path) -> str:
 
 def _named_in(text: str) -> str:
     """The short name of the licence that a text speaks of; empty if it speaks of none."""
-    if (identifier := re.search(_IDENTIFIER, text)) is not None:
+    if identifier := re.search(_IDENTIFIER, text):
         return identifier[1]
-    if said := _creative_commons(text) or _gnu(text):
-        return said
-    return next(
-        (name for pattern, name in _LICENCES if re.search(pattern, text, re.IGNORECASE)), ""
-    )
-
-
-def _creative_commons(text: str) -> str:
-    start = re.search(_COMMONS, text, re.IGNORECASE)
-    if start is None:
-        return ""
-    said = text[start.start() : start.start() + _LINE]
-    if re.search(r"CC0|Zero", said, re.IGNORECASE):
-        return "CC0-1.0"
-    parts = [part for pattern, part in _COMMONS_PARTS if re.search(pattern, said, re.IGNORECASE)]
-    version = re.search(r"\b(\d\.\d)\b", said)
-    return "-".join(["CC-BY", *parts, *([version[1]] if version else [])])
-
-
-def _gnu(text: str) -> str:
-    start = re.search(_GNU, text, re.IGNORECASE) or re.search(_GNU_SHORT, text)
-    if start is None:
-        return ""
-    name = f"{_GNU_KINDS.get((start['kind'] or '').lower(), '')}GPL"
-    said = text[start.end() : start.end() + _LINE]
-    version = re.search(_NUMBER, said, re.IGNORECASE)
-    if version is None:
-        return name
-    later = "-or-later" if re.search(r"\bor\b.{0,35}?\blater", said, re.IGNORECASE) else ""
-    return f"{name}-{version[1]}.{version[2] or 0}{later}"
+    if start := re.search(_COMMONS, text, re.IGNORECASE):
+        said = text[start.start() : start.start() + _LINE]
+        if re.search(r"CC0|Zero", said, re.IGNORECASE):
+            return "CC0-1.0"
+        parts = [short for long, short in _COMMONS_PARTS if re.search(long, said, re.IGNORECASE)]
+        version = re.search(r"\b(\d\.\d)\b", said)
+        return "-".join(["CC-BY", *parts, *([version[1]] if version else [])])
+    if start := re.search(_GNU, text, re.IGNORECASE) or re.search(_GNU_SHORT, text):
+        name = f"{_GNU_KINDS.get((start['kind'] or '').lower(), '')}GPL"
+        said = text[start.end() : start.end() + _LINE]
+        if (version := re.search(_NUMBER, said, re.IGNORECASE)) is None:
+            return name
+        later = re.search(r"\bor\b.{0,35}?\blater", said, re.IGNORECASE)
+        return f"{name}-{version[1]}.{version[2] or 0}{'-or-later' if later else ''}"
+    found = (name for pattern, name in _LICENCES if re.search(pattern, text, re.IGNORECASE))
+    return next(found, "")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import copy
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,15 @@ _UPRIGHT = {  # roll, pitch and yaw that turn an axis of the root link up (rad)
     "-z": (math.pi, 0.0, 0.0),
 }
 _WITHOUT_EFFECT = ("transmission", "gazebo")  # and they name joints and links, which get a prefix
+_NAMES = {
+    "link": "name",
+    "joint": "name",
+    "joint/parent": "link",
+    "joint/child": "link",
+    "joint/mimic": "joint",
+    ".//material": "name",
+}
+"""Where names are, and references to them: elements and attributes."""
 _UNIT = 1e-12
 _NOT_READ = ("safety_controller", "calibration")
 _MOTION = ("axis", "limit", "dynamics", "mimic")
@@ -68,7 +78,14 @@ def tidy(robot: ET.Element, name: str) -> None:
             if shape_of(use) is None:
                 link.remove(use)
         for visual in link.findall("visual"):
-            _tidy_colour(visual, colours)
+            if (own := visual.find("material")) is not None:
+                name = own.get("name", "")
+                if name in colours:
+                    own[:] = copy.deepcopy(list(colours[name]))
+                if _has_look(own):
+                    own.set("name", name)
+                else:
+                    visual.remove(own)
     for joint in robot.findall("joint"):
         _tidy_joint(joint)
     for part in (p for tag in ("link", "joint") for e in robot.findall(tag) for p in e.iter()):
@@ -84,7 +101,12 @@ def _tidy_joint(joint: ET.Element) -> None:
     limit, dynamics, axis = joint.find("limit"), joint.find("dynamics"), joint.find("axis")
     if limit is not None:
         limit.attrib.update(_UNKNOWN | limit.attrib)
-        infinite = {key for key in limit.attrib if _is_infinite(key, limit.get(key, ""))}
+        given = {
+            key: limit_of(key, limit.get(key, ""))
+            for key in NUMBERS["limit"]
+            if key in limit.attrib
+        }
+        infinite = {key for key, value in given.items() if value is not None and math.isinf(value)}
         limit.attrib.update({key: {**_UNKNOWN, **_UNBOUNDED}[key] for key in infinite})
         if kind == "revolute" and infinite >= _UNBOUNDED.keys():
             kind = "continuous"
@@ -99,26 +121,7 @@ def _tidy_joint(joint: ET.Element) -> None:
         if abs(math.hypot(*xyz) - 1.0) > _UNIT:
             # by the largest first: the squares of tiny or huge numbers are 0 or infinite
             scaled = [value / max(map(abs, xyz)) for value in xyz]
-            axis.set("xyz", _text([value / math.hypot(*scaled) for value in scaled]))
-
-
-def _is_infinite(attribute: str, text: str) -> bool:
-    """True if an attribute of ``<limit>`` says that there is none."""
-    value = limit_of(attribute, text) if attribute in NUMBERS["limit"] else None
-    return value is not None and math.isinf(value)
-
-
-def _tidy_colour(visual: ET.Element, colours: dict[str, ET.Element]) -> None:
-    material = visual.find("material")
-    if material is None:
-        return
-    name = material.get("name", "")
-    if name in colours:
-        material[:] = copy.deepcopy(list(colours[name]))
-    if not _has_look(material):
-        visual.remove(material)
-        return
-    material.set("name", name)
+            axis.set("xyz", text_of([value / math.hypot(*scaled) for value in scaled]))
 
 
 def _has_look(material: ET.Element) -> bool:
@@ -141,8 +144,7 @@ def turn_up(robot: ET.Element, axis: str, where: str) -> None:
     if axis in _UPRIGHT:
         root, upright = root_link(robot, where), f"{_OWN}upright"
         ET.SubElement(robot, "link", name=upright)
-        joint = _joint(robot, upright, "fixed", upright, root)
-        ET.SubElement(joint, "origin", xyz="0 0 0", rpy=_text(_UPRIGHT[axis]))
+        add_joint(robot, upright, "fixed", upright, root, (0, 0, 0), _UPRIGHT[axis])
 
 
 class Mounted(NamedTuple):
@@ -162,7 +164,10 @@ def compose(platform: ET.Element, mounted: Sequence[Mounted]) -> ET.Element:
         SpecError: If a parent link is not there, or two links or joints have one name.
     """
     for robot, mount, where in mounted:
-        _add_prefix(robot, mount.prefix)
+        for path, attribute in _NAMES.items():
+            for element in robot.findall(path):
+                if (name := element.get(attribute)) is not None:
+                    element.set(attribute, mount.prefix + name)
         for kind in ("link", "joint"):
             there = {element.get("name") for element in platform.findall(kind)}
             added = {element.get("name") for element in robot.findall(kind)}
@@ -178,25 +183,9 @@ def compose(platform: ET.Element, mounted: Sequence[Mounted]) -> ET.Element:
                 f"links: {', '.join(links)}"
             )
         root = root_link(robot, where)
-        joint = _joint(platform, f"mount/{root}", "fixed", mount.parent, root)
-        ET.SubElement(joint, "origin", xyz=_text(mount.xyz), rpy=_text(mount.rpy))
+        add_joint(platform, f"mount/{root}", "fixed", mount.parent, root, mount.xyz, mount.rpy)
         platform.extend([element for element in robot if element.tag not in _WITHOUT_EFFECT])
     return platform
-
-
-def _add_prefix(robot: ET.Element, prefix: str) -> None:
-    """Put a prefix before every name of a URDF, and every reference to one."""
-    for path, attribute in (
-        ("link", "name"),
-        ("joint", "name"),
-        ("joint/parent", "link"),
-        ("joint/child", "link"),
-        ("joint/mimic", "joint"),
-        (".//material", "name"),
-    ):
-        for element in robot.findall(path):
-            if (name := element.get(attribute)) is not None:
-                element.set(attribute, prefix + name)
 
 
 def flat_urdf(
@@ -237,44 +226,24 @@ def flat_urdf(
             if limit is None:
                 limit = ET.SubElement(joint, "limit", _UNKNOWN)
             limit.attrib.update(_UNBOUNDED)
-    root = root_link(robot, where)
-    parent = f"{_OWN}world"
+    root, parent = root_link(robot, where), f"{_OWN}world"
     ET.SubElement(robot, "link", name=parent)
-    for name in base_joints:
+    for name in (*base_joints, *virtual_joints):
         child = f"{_OWN}{name}"
         ET.SubElement(robot, "link", name=child)
-        kind = "revolute" if name == "base_theta" else "prismatic"
-        joint = _joint(robot, name, kind, parent, child)
-        ET.SubElement(joint, "axis", xyz=_AXES[name])
+        kind = "prismatic" if name in BASE_JOINTS[:2] else "revolute"
+        joint = add_joint(robot, name, kind, parent if name in base_joints else root, child)
+        ET.SubElement(joint, "axis", xyz=_AXES.get(name, "0 0 1"))
         ET.SubElement(joint, "limit", _UNBOUNDED | _UNKNOWN)
-        parent = child
-    for name in virtual_joints:
-        ET.SubElement(robot, "link", name=f"{_OWN}{name}")
-        joint = _joint(robot, name, "revolute", root, f"{_OWN}{name}")
-        ET.SubElement(joint, "axis", xyz="0 0 1")
-        ET.SubElement(joint, "limit", _UNBOUNDED | _UNKNOWN)
+        parent = child if name in base_joints else parent
     turned = (0.0, 0.0, -math.remainder(float(heading), math.tau))
-    fixed = _joint(robot, f"{_OWN}root", "fixed", parent, root)
-    ET.SubElement(fixed, "origin", xyz=_text(np.asarray(offset)), rpy=_text(turned))
+    add_joint(robot, f"{_OWN}root", "fixed", parent, root, offset, turned)
     joints = {joint.get("name") for joint in robot.findall("joint")} | {_PINOCCHIOS}
     for path, attribute in (("link", "name"), ("joint/parent", "link"), ("joint/child", "link")):
         for element in robot.findall(path):
             if element.get(attribute) in joints:
                 element.set(attribute, f"{LINK}{element.get(attribute)}")
     return ET.tostring(robot, encoding="unicode")
-
-
-def flat_model(robot: ET.Element, where: str) -> pin.Model:
-    """Pinocchio's model of :func:`flat_urdf` without base joints.
-
-    Raises:
-        SpecError: As :func:`flat_urdf`, or if Pinocchio refuses it.
-    """
-    xml = flat_urdf(robot, where, base_joints=())
-    try:
-        return pin.buildModelFromXML(xml)
-    except (ValueError, RuntimeError) as error:
-        raise SpecError(f"{where}: Pinocchio refuses the URDF: {error}") from error
 
 
 def frame_of(model: pin.Model, link: str) -> int:
@@ -297,12 +266,70 @@ def root_link(robot: ET.Element, where: str) -> str:
     return roots[0]
 
 
-def _joint(robot: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
+# Elements ----------------------------------------------------------------------------------------------
+
+
+def add_joint(
+    robot: ET.Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    xyz: Sequence[float] | Array | None = None,
+    rpy: Sequence[float] | Array = (0.0, 0.0, 0.0),
+) -> ET.Element:
+    """A new joint between two links; with ``xyz`` (m) it has an origin in the parent's frame."""
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
+    if xyz is not None:
+        ET.SubElement(joint, "origin", xyz=text_of(xyz), rpy=text_of(rpy))
     return joint
 
 
-def _text(values: Sequence[float] | Array) -> str:
+def place_joint(
+    robot: ET.Element, name: str, kind: str, parent: str, child: str, place: pin.SE3
+) -> ET.Element:
+    """A new joint between two links, at a place in the parent's frame."""
+    rpy = pin.rpy.matrixToRpy(place.rotation)
+    return add_joint(robot, name, kind, parent, child, place.translation, rpy)
+
+
+def add_inertial(link: ET.Element, mass: float, place: pin.SE3, moments: Array) -> None:
+    """Give a link its mass (kg), the frame of its centre, and the moments in it (kg m^2), (3, 3)."""
+    element = ET.SubElement(link, "inertial")
+    _add_origin(element, place)
+    ET.SubElement(element, "mass", value=repr(float(mass)))
+    pairs = combinations_with_replacement(range(3), 2)
+    values = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(moments[i, j])) for i, j in pairs}
+    ET.SubElement(element, "inertia", values)
+
+
+def add_dynamics(joint: ET.Element, damping: float, friction: float) -> None:
+    """Give a joint damping and friction, if it has some."""
+    if max(damping, friction) > 0.0:
+        ET.SubElement(joint, "dynamics", damping=repr(damping), friction=repr(friction))
+
+
+def add_shape(
+    link: ET.Element, use: str, kind: str, attributes: Mapping[str, str], place: pin.SE3
+) -> None:
+    """Give a link a shape; a capsule becomes a cylinder and two spheres."""
+    if kind == "capsule":
+        half, ball = 0.5 * float(attributes["length"]), {"radius": attributes["radius"]}
+        for end in (-half, half):
+            add_shape(link, use, "sphere", ball, place * pin.SE3(np.eye(3), np.array([0, 0, end])))
+        kind = "cylinder"
+    element = ET.SubElement(link, use)
+    _add_origin(element, place)
+    ET.SubElement(ET.SubElement(element, "geometry"), kind, dict(attributes))
+
+
+def _add_origin(element: ET.Element, place: pin.SE3) -> None:
+    rpy = text_of(pin.rpy.matrixToRpy(place.rotation))
+    ET.SubElement(element, "origin", xyz=text_of(place.translation), rpy=rpy)
+
+
+def text_of(values: Sequence[float] | Array) -> str:
+    """Numbers as an attribute."""
     return " ".join(repr(float(value)) for value in values)

@@ -13,6 +13,7 @@ import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
@@ -38,7 +39,6 @@ _MESH = re.compile(r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(.*?)\2""", re.DOT
 _ENCODING = re.compile(r"""(\A<\?xml[^>]*?encoding\s*=\s*["'])[A-Za-z0-9._-]+(["'])""")
 _NAME = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 _MANIFEST_BYTES = 65536
-_TOLD = 5
 _DEEP = 4  # folders that are looked through for a name like one that is missing
 _LOOKED_AT = 10_000  # names in each
 # Processor time and memory that reading a mesh may take.
@@ -49,26 +49,18 @@ _MOST_MEGABYTES = 500.0
 
 @dataclass(frozen=True)
 class MeshReference:
-    """A mesh that a URDF names.
+    """A mesh that a URDF names."""
 
-    Attributes:
-        link: The link's name.
-        use: ``"visual"`` or ``"collision"``.
-        filename: As the URDF has it.
-        path: The file, absolute; None if there is none that can be used.
-        problem: Why there is none; empty if there is one.
-    """
-
-    link: str
-    use: str
-    filename: str
-    path: Path | None
-    problem: str
+    link: str  # the link's name
+    use: str  # "visual" or "collision"
+    filename: str  # as the URDF has it
+    path: Path | None  # the file, absolute; None if there is none that can be used
+    problem: str  # why there is none; empty if there is one
 
 
 def mesh_paths(robot: ET.Element, urdf: UrdfFile) -> list[MeshReference]:
     """Every mesh of a URDF and where it is, in the file's order; nothing is raised."""
-    return [mesh for mesh, _ in _located(robot, _MeshFinder(urdf))]
+    return [mesh for mesh, _ in _located(robot, MeshFinder(urdf))]
 
 
 def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
@@ -78,20 +70,16 @@ def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
         SpecError: If meshes are missing, outside the package that they are named by, or of a format
             that is not read; the message says which, where they were looked for, and what to do.
     """
-    finder = _MeshFinder(urdf)
+    finder = MeshFinder(urdf)
     located = list(_located(robot, finder))
-    by_name: dict[str, MeshReference] = {}
+    by_name: dict[str, MeshReference] = {}  # the first of each
     for mesh, _ in located:
         by_name.setdefault(mesh.filename, mesh)
     if wrong := [mesh for mesh in by_name.values() if mesh.path is None]:
-        said = [
-            f"{mesh.filename!r} (link {mesh.link!r}, {mesh.use}) {mesh.problem}"
-            for mesh in wrong[:_TOLD]
-        ]
-        more = f"; ... and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
+        told = (f"{m.filename!r} (link {m.link!r}, {m.use}) {m.problem}" for m in wrong)
         raise SpecError(
             f"the URDF {urdf.path}: {len(wrong)} of {len(by_name)} meshes cannot be used: "
-            f"{'; '.join(said)}{more}. Packages were looked for in "
+            f"{listed(told, '; ')}. Packages were looked for in "
             f"{listed(map(str, finder.folders))}; more folders can be named in field "
             "'urdf.packages' (for a mount: 'mount.packages')"
         )
@@ -114,7 +102,7 @@ def with_absolute_meshes(urdf: UrdfFile) -> bytes:
     return _ENCODING.sub(r"\1UTF-8\2", text.lstrip("\ufeff"), count=1).encode()
 
 
-def _located(robot: ET.Element, finder: _MeshFinder) -> Iterator[tuple[MeshReference, ET.Element]]:
+def _located(robot: ET.Element, finder: MeshFinder) -> Iterator[tuple[MeshReference, ET.Element]]:
     locate = cache(finder.locate)
     for link in robot.findall("link"):
         for use in ("visual", "collision"):
@@ -123,12 +111,7 @@ def _located(robot: ET.Element, finder: _MeshFinder) -> Iterator[tuple[MeshRefer
                 yield MeshReference(link.get("name", ""), use, name, *locate(name)), element
 
 
-def package_folders(name: str, urdf: UrdfFile) -> list[Path]:
-    """The folders of a package, as ``package://NAME/...`` in a URDF finds it; none where it is not."""
-    return _MeshFinder(urdf).package(name)
-
-
-class _MeshFinder:
+class MeshFinder:
     """Finds the files of a URDF's meshes, in its ``folders``.
 
     A package NAME is a folder of that name, or one whose ``package.xml`` says so. It is looked for in
@@ -145,13 +128,11 @@ class _MeshFinder:
 
     def locate(self, name: str) -> tuple[Path | None, str]:
         """The file of a mesh, or why there is none that can be used."""
-        path, problem = self._find(name)
+        path, problem = self._find(name.replace("\\", "/"))  # as some programs write on Windows
         if path is None:
             return None, problem
-        place = path.resolve()
-        if self._within is not None and not any(
-            place.is_relative_to(folder.resolve()) for folder in self._within
-        ):
+        within = [path.resolve().is_relative_to(one.resolve()) for one in self._within or ()]
+        if self._within is not None and not any(within):
             return None, "lies outside the folder of the run; register the robot to have it drawn"
         if path.suffix.lower() not in FORMATS:
             kind = f"has the format {path.suffix!r}" if path.suffix else "has no format"
@@ -159,40 +140,36 @@ class _MeshFinder:
         return path, ""
 
     def _find(self, name: str) -> tuple[Path | None, str]:
-        name = name.replace("\\", "/")  # as some programs write on Windows
+        package = None
         if found := _FIND.fullmatch(name):
-            return self._find_in_package(found[1], found[2])
-        if found := _SCHEME.fullmatch(name):
-            scheme, rest = found[1].lower(), found[2]
+            package, name = found.groups()
+        elif found := _SCHEME.fullmatch(name):
+            scheme, name = found[1].lower(), found[2]
             if scheme in ("package", "model"):
-                package, _, inner = rest.lstrip("/").partition("/")
-                return self._find_in_package(package, inner)
-            if scheme != "file":
+                package, _, name = name.lstrip("/").partition("/")
+            elif scheme != "file":
                 allowed = "package://, model://, file://, a path"
                 return None, f"begins with {scheme}://; allowed: {allowed}"
-            name = rest
-        folders = [self._beside]
-        if not os.path.isabs(name) and not _leads_out(name):
-            folders += self.folders
+        if package is None:
+            folders, missing = [self._beside], "is not there"
+            if not os.path.isabs(name) and not _leads_out(name):
+                folders += self.folders
+        else:
+            name = name.lstrip("/")
+            if not package or not name:
+                return None, "names no file of a package; allowed: package://NAME/FILE"
+            if _leads_out(name) or _leads_out(unquote(name)):
+                return None, f"leads outside its package {package!r}, which is not allowed"
+            if not (folders := self.package(package)):
+                return None, f"is missing: there is no package {package!r}"
+            missing = f"is missing in {listed(map(str, folders))}"
         places = [folder / name for folder in folders]
         path = _first(places)
-        return path, "" if path else f"is not there{_near(places)}"
-
-    def _find_in_package(self, package: str, inner: str) -> tuple[Path | None, str]:
-        inner = inner.lstrip("/")
-        if not package or not inner:
-            return None, "names no file of a package; allowed: package://NAME/FILE"
-        if _leads_out(inner) or _leads_out(unquote(inner)):
-            return None, f"leads outside its package {package!r}, which is not allowed"
-        folders = self.package(package)
-        if not folders:
-            return None, f"is missing: there is no package {package!r}"
-        places = [folder / inner for folder in folders]
-        path = _first(places)
-        return path, "" if path else f"is missing in {listed(map(str, folders))}{_near(places)}"
+        return path, "" if path else f"{missing}{_near(places)}"
 
     def package(self, name: str) -> list[Path]:
-        """The folders of a package, the first one preferred; none if it is not found."""
+        """The folders of a package, as ``package://NAME/...`` in a URDF finds it, the first one
+        preferred; none if it is not found."""
         if name in (".", ".."):
             return []
         named = (place for folder in self.folders for place in (folder / name, folder))
@@ -220,12 +197,13 @@ def _first(candidates: Sequence[Path]) -> Path | None:
 def _near(candidates: Sequence[Path]) -> str:
     """The end of a message about files that are not there: one whose name differs in case or format."""
     for wanted in candidates:
-        place, missing = wanted.parent, [wanted.name]
-        while not _is_there(place, folder=True) and place != place.parent:
-            missing.insert(0, place.name)
-            place = place.parent
+        start, missing = wanted.parent, [wanted.name]
+        while not _is_there(start, folder=True) and start != start.parent:
+            missing.insert(0, start.name)
+            start = start.parent
         if missing[0] in ("", "..") or len(missing) > _DEEP:
             continue
+        place, stem = start, wanted.stem.lower()
         for name in missing:
             try:
                 names = sorted(entry.name for entry in islice(os.scandir(place), _LOOKED_AT))
@@ -233,18 +211,13 @@ def _near(candidates: Sequence[Path]) -> str:
                 break
             alike = [one for one in names if one.lower() == name.lower()]
             if not alike and name == wanted.name:
-                stem = Path(name).stem.lower()
-                alike = [
-                    one
-                    for one in names
-                    if Path(one).stem.lower() == stem and Path(one).suffix.lower() in FORMATS
-                ]
+                paths = [Path(one) for one in names if Path(one).suffix.lower() in FORMATS]
+                alike = [one.name for one in paths if one.stem.lower() == stem]
             if not alike:
                 break
             place = place / alike[0]
         else:
-            start = wanted.parts[: len(wanted.parts) - len(missing)]
-            return f"; there is {place.relative_to(Path(*start))}"
+            return f"; there is {place.relative_to(start)}"
     return ""
 
 
@@ -258,31 +231,26 @@ def _is_there(path: Path, *, folder: bool = False) -> bool:
 
 def _ros_folders() -> list[Path]:
     """The folders that the environment of ROS 1 and ROS 2 names."""
-
-    def listed_in(variable: str) -> list[Path]:
+    named: dict[str, list[Path]] = {}
+    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
         given = os.environ.get(variable, "").split(os.pathsep)
-        return [Path(folder).absolute() for folder in given if folder]
-
+        named[variable] = [Path(folder).absolute() for folder in given if folder]
     folders = []
-    for folder in listed_in("ROS_PACKAGE_PATH"):
-        try:
+    for folder in named["ROS_PACKAGE_PATH"]:
+        with suppress(OSError):
             inner = sorted(path for path in folder.iterdir() if path.is_dir())
-        except OSError:
-            continue
-        folders += [folder, *inner]
-    return folders + [folder / "share" for folder in listed_in("AMENT_PREFIX_PATH")]
+            folders += [folder, *inner]
+    return folders + [folder / "share" for folder in named["AMENT_PREFIX_PATH"]]
 
 
 def _declared_name(folder: Path) -> str | None:
     manifest = folder / "package.xml"
-    if not _is_there(manifest):
-        return None
-    try:
-        with manifest.open("rb") as file:
-            found = _NAME.search(file.read(_MANIFEST_BYTES))
-    except OSError:
-        return None
-    return None if found is None else found[1].decode("utf-8", errors="replace")
+    with suppress(OSError):
+        if _is_there(manifest):
+            with manifest.open("rb") as file:
+                found = _NAME.search(file.read(_MANIFEST_BYTES))
+            return None if found is None else found[1].decode("utf-8", errors="replace")
+    return None
 
 
 class MeshError(MobmanError):
@@ -302,19 +270,18 @@ def read_isolated(function: str, path: Path, *arguments: Any) -> Any:
     """
     try:
         megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
+        memory, fault = _MEGABYTES + _MEGABYTES_PER_MB * megabytes, ""
         if not path.is_file():
-            raise MeshError(f"cannot read the mesh {path}: it is no file")
-        if megabytes > _MOST_MEGABYTES:
-            raise MeshError(
-                f"the mesh {path} has {megabytes:.3g} MB; allowed: {_MOST_MEGABYTES:g} MB"
-            )
-        memory = _MEGABYTES + _MEGABYTES_PER_MB * megabytes
-        return helper.call(function, str(path), *arguments, seconds=seconds, megabytes=memory)
-    except MeshError:
-        raise
+            fault = f"cannot read the mesh {path}: it is no file"
+        elif megabytes > _MOST_MEGABYTES:
+            allowed = f"allowed: {_MOST_MEGABYTES:g} MB"
+            fault = f"the mesh {path} has {megabytes:.3g} MB; {allowed}"
+        if not fault:
+            return helper.call(function, str(path), *arguments, seconds=seconds, megabytes=memory)
     except (OSError, MobmanError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or error
         raise MeshError(f"cannot read the mesh {path}: {reason}") from error
+    raise MeshError(fault)
 
 
 def read_triangles(path: Path) -> tuple[Array, Index]:
@@ -338,25 +305,24 @@ def load(path: str) -> tuple[Array, Index]:
     return np.array(model.vertices(), dtype=float).reshape(-1, 3), faces
 
 
-def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object whose keys all differ: of equal ones, readers take the first or the last."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("a key of its JSON is there twice")
-    return found
-
-
 def _check_references(path: Path) -> None:
     """
     Raises:
         MobmanError: If a glTF takes its numbers from a file outside its folder.
+        ValueError: If a key of its JSON is there twice: readers take the first or the last.
     """
     if path.suffix.lower() not in (".gltf", ".glb"):
         return
+
+    def read_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        if len(found := dict(pairs)) < len(pairs):
+            raise ValueError("a key of its JSON is there twice")
+        return found
+
     content = path.read_bytes()
     if content[:4] == b"glTF":  # its first chunk is the JSON
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
-    described = json.loads(content, object_pairs_hook=_without_doubles)
+    described = json.loads(content, object_pairs_hook=read_object)
     for part in (*described.get("buffers", []), *described.get("images", [])):
         uri = unquote(str(part.get("uri", "data:")))
         place = (path.parent / uri).resolve()
@@ -380,12 +346,10 @@ class MeshReader:
         if path not in self._vertices and path not in self.unreadable:
             try:
                 found, _ = read_triangles(path)
-                if len(found) and np.all(np.isfinite(found)):
-                    self._vertices[path] = found
-                else:
-                    self.unreadable[path] = (
-                        f"the mesh {path} has {len(found)} vertices, or some that are not finite"
-                    )
+                if len(found) == 0 or not np.all(np.isfinite(found)):
+                    fault = f"has {len(found)} vertices, or some that are not finite"
+                    raise MeshError(f"the mesh {path} {fault}")
+                self._vertices[path] = found
             except MeshError as error:
                 self.unreadable[path] = " ".join(str(error).split())
         return self._vertices.get(path)

@@ -24,6 +24,7 @@ from mobman.errors import SpecError
 from mobman.files import read_input
 from mobman.robots.spec import RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import tidy, turn_up
+from mobman.robots.urdf.shapes import scalar
 from mobman.robots.urdf.validate import Validation
 
 MEGABYTES = 5.0
@@ -51,21 +52,15 @@ _ELSEWHERE = ("gazebo", "transmission", "ros2_control", "sensor")  # what other 
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """A URDF on disk, and where the packages of its meshes are looked for.
-
-    Attributes:
-        path: The file.
-        package_folders: Folders that may hold a package NAME of ``package://NAME/...``.
-        kept: Its content, where that is not read from disk: a run's record keeps it.
-        within: The folders that its meshes must lie in, apart from those of ROS; None for any.
-        up: The axis of its root link that points up, such as ``"y"``.
-    """
+    """A URDF on disk, and where the packages of its meshes are looked for."""
 
     path: Path
-    package_folders: tuple[Path, ...]
+    package_folders: tuple[Path, ...]  # may hold a package NAME of package://NAME/...
     kept: bytes | None = field(default=None, repr=False)
+    """Its content, where that is not read from disk: a run's record keeps it."""
     within: tuple[Path, ...] | None = None
-    up: str = "z"
+    """The folders that its meshes must lie in, apart from those of ROS; None for any."""
+    up: str = "z"  # the axis of its root link that points up, such as "y"
 
     @cached_property
     def content(self) -> bytes:
@@ -97,14 +92,11 @@ class UrdfFile:
         return self._checked[1]
 
     @property
-    def friction(self) -> tuple[str, ...]:
+    def friction(self) -> list[str]:
         """The joints to which ``<dynamics>`` gives damping or friction."""
-        return tuple(
-            joint.get("name", "")
-            for joint in self._checked[0].findall("joint")
-            if (given := joint.find("dynamics")) is not None
-            and any(float(given.get(name, 0.0)) > 0.0 for name in ("damping", "friction"))
-        )
+        joints, keys = self._checked[0].findall("joint"), ("damping", "friction")
+        given = {joint.get("name", ""): joint.find("dynamics") for joint in joints}
+        return [name for name, own in given.items() if any(scalar(own, k) > 0.0 for k in keys)]
 
     @cached_property
     def _checked(self) -> tuple[ET.Element, tuple[str, ...]]:
@@ -114,13 +106,14 @@ class UrdfFile:
             other = _OTHERS.get(robot.tag)
             advice = f": it is {other}; convert it, or find the robot's URDF" if other else ""
             raise SpecError(f"{where} starts with <{robot.tag}>, not with <robot>{advice}")
-
         validation, macro = Validation(where, lines), next(macros(robot), None)
         without_links = robot.find("link") is None
         if not (macro or without_links):
             validation.check(robot)
         if without_links or validation.found:  # or else a call of a macro does no harm
-            macro = macro or next(_calls(robot), None)
+            prefixes = tuple(_prefixes(robot))
+            calls = ((one, f"<{one.tag}>") for one in robot if one.tag.startswith(prefixes))
+            macro = macro or next(calls, None)
         if macro is not None:
             raise SpecError(
                 f"{where}, line {lines[macro[0]]}: {macro[1]} is for xacro, which makes a URDF of it; "
@@ -128,10 +121,9 @@ class UrdfFile:
                 f"first: xacro {self.path.name} > robot.urdf"
             )
         if without_links:
-            advice = ""
-            if robot.find("group") is not None or robot.find("disable_collisions") is not None:
-                advice = ": it is an SRDF (MoveIt's groups and poses); give the robot's URDF"
-            raise SpecError(f"{where} has no <link>{advice}")
+            srdf = robot.find("group") is not None or robot.find("disable_collisions") is not None
+            kind = ": it is an SRDF (MoveIt's groups and poses); give the robot's URDF"
+            raise SpecError(f"{where} has no <link>{kind if srdf else ''}")
         validation.raise_any()
         for link, part, _ in validation.left_out:
             link.remove(part)
@@ -163,10 +155,10 @@ class UrdfSources:
 
 def urdf_sources(spec: RobotSpec) -> UrdfSources:
     """The files that a description points at; a SpecError if one does not exist."""
-    where = f"{spec.where}: field"
-    named = [] if spec.urdf is None else [(f"{where} 'urdf", spec.urdf)]
-    named += [(f"{where} 'mount[{i}]", mount) for i, mount in enumerate(spec.mount)]
-    return UrdfSources(tuple(urdf_file(part, spec.folder, field) for field, part in named))
+    named = [("urdf", spec.urdf)] if spec.urdf is not None else []
+    parts = [*named, *((f"mount[{i}]", mount) for i, mount in enumerate(spec.mount))]
+    where = f"{spec.where}: field '"
+    return UrdfSources(tuple(urdf_file(part, spec.folder, where + name) for name, part in parts))
 
 
 def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
@@ -183,7 +175,7 @@ def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
             raise SpecError(f"{field}.packages': there is no folder {package}")
     if source.package is None:
         path = _resolved(folder / source.path, f"{field}.path'")
-        packages += [path.parent, *path.parent.parents]
+        packages += path.parents
     else:
         share = _share_folder(field, source.package)
         path = _resolved(share / source.package / "robots" / source.path, f"{field}.path'")
@@ -207,11 +199,12 @@ def _share_folder(field: str, package: str) -> Path:
     """The ``share`` folder of a data package that ships no Python module."""
     import pinocchio
 
-    candidates = [
-        Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix" / "share",
-        # .../cmeel.prefix/lib/pythonX.Y/site-packages/pinocchio/__init__.py
-        Path(pinocchio.__file__).parents[4] / "share",
-    ]
+    # .../cmeel.prefix/lib/pythonX.Y/site-packages/pinocchio/__init__.py
+    prefixes = (
+        Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix",
+        Path(pinocchio.__file__).parents[4],
+    )
+    candidates = [prefix / "share" for prefix in prefixes]
     for share in candidates:
         if (share / package).is_dir():
             return share
@@ -235,12 +228,6 @@ def macros(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
             yield from (
                 (element, repr(v)) for v in element.attrib.values() if "${" in v or "$(" in v
             )
-
-
-def _calls(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
-    """Calls of macros, which may be leftovers."""
-    prefixes = tuple(_prefixes(robot))
-    return ((element, f"<{element.tag}>") for element in robot if element.tag.startswith(prefixes))
 
 
 def _prefixes(robot: ET.Element) -> list[str]:
@@ -300,9 +287,8 @@ def parse_xml(content: bytes, where: str) -> tuple[ET.Element, dict[ET.Element, 
         builder.end(tag)
         unclosed.pop()
 
-    parser.StartDoctypeDeclHandler = doctype
+    parser.StartDoctypeDeclHandler, parser.CharacterDataHandler = doctype, builder.data
     parser.StartElementHandler, parser.EndElementHandler = open_element, close_element
-    parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(start, True)
     except expat.ExpatError as error:

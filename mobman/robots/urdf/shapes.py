@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
 
@@ -51,21 +51,14 @@ def placement(part: ET.Element) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A shape of a link: some points, each with a ball or (for cylinders) a disc about it.
-
-    Attributes:
-        use: ``"visual"`` or ``"collision"``.
-        kind: The URDF's element: ``"box"``, ``"cylinder"``, ``"sphere"``, ``"mesh"``.
-        points: In the link's frame (m), shape (n, 3); none of a mesh that could not be read.
-        radius: Of the balls or discs (m); 0 for none.
-        axis: Of the discs, a unit vector in the link's frame, shape (3,); None for balls.
-    """
+    """A shape of a link: some points, each with a ball or (for cylinders) a disc about it."""
 
     use: Use
-    kind: str
-    points: Array
-    radius: float = 0.0
+    kind: str  # the URDF's element: "box", "cylinder", "sphere", "mesh"
+    points: Array  # in the link's frame (m), shape (n, 3); none of a mesh that could not be read
+    radius: float = 0.0  # of the balls or discs (m); 0 for none
     axis: Array | None = None
+    """Of the discs, a unit vector in the link's frame, shape (3,); None for balls."""
 
     @property
     def known(self) -> bool:
@@ -87,38 +80,34 @@ class Shape:
     def placed(self, rotation: Array, position: Array) -> Shape:
         """The shape in another frame, in which the link's has this rotation and position (m)."""
         axis = None if self.axis is None else rotation @ self.axis
-        points = self.points @ rotation.T + position
-        return Shape(self.use, self.kind, points, self.radius, axis)
+        return replace(self, points=self.points @ rotation.T + position, axis=axis)
 
 
 def read_shapes(link: ET.Element, use: Use, vertices: Vertices) -> list[Shape]:
     """The shapes of a checked ``<link>``, in the file's order, those of missing meshes included."""
-    found = []
-    for part in link.findall(use):
-        element = shape_of(part)
-        if element is not None:
-            points, radius = _points(element, vertices)
-            rotation, position = placement(part)
-            axis = np.array([0.0, 0.0, 1.0]) if element.tag == "cylinder" else None
-            shape = Shape(use, str(element.tag), points, radius, axis)
-            found.append(shape.placed(rotation, position))
-    return found
+    parts = [(part, shape_of(part)) for part in link.findall(use)]
+    return [
+        _shape(one, use, vertices).placed(*placement(part))
+        for part, one in parts
+        if one is not None
+    ]
 
 
-def _points(element: ET.Element, vertices: Vertices) -> tuple[Array, float]:
-    """The points of a shape in its own frame, and the radius about them."""
-    radius = scalar(element, "radius")
+def _shape(element: ET.Element, use: Use, vertices: Vertices) -> Shape:
+    """A shape in its own frame."""
+    axis: Array | None = None
     if element.tag == "mesh":
         own = vertices(element.get("filename", "").strip())
-        if own is None:
-            return np.zeros((0, 3)), radius
-        return own * vector(element, "scale", (1.0, 1.0, 1.0)), radius
-    if element.tag == "box":
-        corners = np.array(list(product((-0.5, 0.5), repeat=3)))
-        return corners * vector(element, "size"), radius
-    half = 0.5 * scalar(element, "length")
-    ends = (-half, half) if element.tag == "cylinder" else (0.0,)
-    return np.array([[0.0, 0.0, end] for end in ends]), radius
+        scale = vector(element, "scale", (1.0, 1.0, 1.0))
+        points = np.zeros((0, 3)) if own is None else own * scale
+    elif element.tag == "box":
+        points = np.array(list(product((-0.5, 0.5), repeat=3))) * vector(element, "size")
+    elif element.tag == "cylinder":
+        half, axis = 0.5 * scalar(element, "length"), np.array([0.0, 0.0, 1.0])
+        points = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
+    else:
+        points = np.zeros((1, 3))
+    return Shape(use, element.tag, points, scalar(element, "radius"), axis)
 
 
 def bounds(shapes: Sequence[Shape]) -> tuple[Array, Array]:
@@ -145,10 +134,9 @@ def radius_about(shape: Shape, centre: Array, axis: Array) -> float | None:
     if shape.kind == "mesh":
         return extent_about([shape], centre, axis)
     off = shape.centre - centre
-    off = off - (off @ axis) * axis
     aligned = shape.axis is None or abs(shape.axis @ axis) > _ALONG
     # a box has no radius, and nothing is less off than that
-    central = float(np.linalg.norm(off)) < _OFF_AXIS * shape.radius
+    central = float(np.linalg.norm(off - (off @ axis) * axis)) < _OFF_AXIS * shape.radius
     return shape.radius if aligned and central else None
 
 

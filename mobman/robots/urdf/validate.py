@@ -20,7 +20,7 @@ import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mobman.errors import SpecError
 
@@ -38,63 +38,49 @@ _LOOKED_THROUGH = 5000
 
 @dataclass(frozen=True)
 class Numbers:
-    """The numbers that an attribute may hold.
+    """The numbers that an attribute may hold."""
 
-    Attributes:
-        unit: Of each number; empty for a pure number.
-        count: How many numbers there are.
-        least: The smallest value, if there is one.
-        positive: Whether they must be above 0.
-        required: Whether the attribute must be there.
-    """
-
-    unit: str
+    unit: str  # of each number; empty for a pure number
     count: int = 1
-    least: float = -math.inf
-    positive: bool = False
-    required: bool = False
+    least: float = -math.inf  # the smallest value, if there is one
+    positive: bool = False  # whether they must be above 0
+    required: bool = False  # whether the attribute must be there
 
     def allow(self, values: Sequence[float] | None) -> bool:
         """True if these may be the values."""
-        return (
-            values is not None
-            and len(values) == self.count
-            and all(value > 0 if self.positive else value >= self.least for value in values)
-        )
+        if values is None or len(values) != self.count:
+            return False
+        return all(value > 0 if self.positive else value >= self.least for value in values)
 
     def __str__(self) -> str:
         allowed = "a finite number" if self.count == 1 else f"{self.count} finite numbers"
-        if self.positive:
-            allowed += " above 0"
-        elif self.least > -math.inf:
-            allowed += ", 0 or more"
+        if self.positive or self.least > -math.inf:
+            allowed += " above 0" if self.positive else ", 0 or more"
         return allowed + (f" ({self.unit})" if self.unit else "")
 
 
+_PLACE, _FORCE = Numbers("m or rad"), Numbers("N or N m", least=0.0)
+_SIZE = Numbers("m", required=True, positive=True)
 _MOMENT = Numbers("kg m^2", required=True, least=-_ROUNDING)
 _PRODUCT = Numbers("kg m^2", required=True)
-_SIZE = Numbers("m", required=True, positive=True)
 
 NUMBERS: dict[str, dict[str, Numbers]] = {
     "origin": {"xyz": Numbers("m", count=3), "rpy": Numbers("rad", count=3)},
     "axis": {"xyz": Numbers("", count=3)},
     "limit": {
-        "lower": Numbers("m or rad"),
-        "upper": Numbers("m or rad"),
-        "effort": Numbers("N or N m", least=0.0),
+        "lower": _PLACE,
+        "upper": _PLACE,
+        "effort": _FORCE,
         "velocity": Numbers("m/s or rad/s", least=0.0),
     },
-    "dynamics": {
-        "damping": Numbers("N s/m or N m s/rad", least=0.0),
-        "friction": Numbers("N or N m", least=0.0),
-    },
-    "mimic": {"multiplier": Numbers(""), "offset": Numbers("m or rad")},
+    "dynamics": {"damping": Numbers("N s/m or N m s/rad", least=0.0), "friction": _FORCE},
+    "mimic": {"multiplier": Numbers(""), "offset": _PLACE},
     "mass": {"value": Numbers("kg", required=True, least=0.0)},
     "inertia": {
         **dict.fromkeys(("ixx", "iyy", "izz"), _MOMENT),
         **dict.fromkeys(("ixy", "ixz", "iyz"), _PRODUCT),
     },
-    "box": {"size": Numbers("m", count=3, required=True, positive=True)},
+    "box": {"size": replace(_SIZE, count=3)},
     "cylinder": {"radius": _SIZE, "length": _SIZE},
     "sphere": {"radius": _SIZE},
     "mesh": {"scale": Numbers("", count=3)},
@@ -141,11 +127,11 @@ def shape_of(use: ET.Element) -> ET.Element | None:
     return shape if shape is not None and shape.tag in SHAPES else None
 
 
-def listed(names: Iterable[str], most: int = _TOLD) -> str:
+def listed(names: Iterable[str], joint: str = ", ") -> str:
     """Names in one line; of many, the first few and how many more there are."""
     given = list(names)
-    more = f", ... and {len(given) - most} more" if len(given) > most else ""
-    return ", ".join(given[:most]) + more
+    more = [f"... and {len(given) - _TOLD} more"] if len(given) > _TOLD else []
+    return joint.join([*given[:_TOLD], *more])
 
 
 def too_large(robot: ET.Element) -> str:
@@ -154,28 +140,26 @@ def too_large(robot: ET.Element) -> str:
     Its parser recurses from link to link until the stack is full, and its data grow with the cube of the
     number of movable joints.
     """
-    counts = {"links": len(robot.findall("link"))}
-    kinds = [joint.get("type") for joint in robot.findall("joint")]
-    counts["movable joints"] = sum(kind != "fixed" for kind in kinds)
-    for what, most in (("links", MOST_LINKS), ("movable joints", MOST_JOINTS)):
-        if counts[what] > most:
-            return f"it has {counts[what]} {what}; allowed: {most}"
+    movable = sum(joint.get("type") != "fixed" for joint in robot.findall("joint"))
+    for what, count, most in (
+        ("links", len(robot.findall("link")), MOST_LINKS),
+        ("movable joints", movable, MOST_JOINTS),
+    ):
+        if count > most:
+            return f"it has {count} {what}; allowed: {most}"
     return ""
 
 
 class Validation:
-    """Validation of a URDF that gathers all faults, so that they are reported at once.
-
-    Attributes:
-        found: Lines, and what is wrong there.
-        left_out: Links, their ``<visual>`` or ``<collision>`` elements that cannot be drawn, and why.
-    """
+    """Validation of a URDF that gathers all faults, so that they are reported at once."""
 
     def __init__(self, where: str, lines: Mapping[ET.Element, int]) -> None:
-        self.found: list[tuple[int, str]] = []
+        self.found: list[tuple[int, str]] = []  # lines, and what is wrong there
+        # links, their <visual> or <collision> elements that cannot be drawn, and why
         self.left_out: list[tuple[ET.Element, ET.Element, str]] = []
-        self._where = where
-        self._lines = lines
+        self._where, self._lines = where, lines
+        self._links: dict[str, ET.Element] = {}  # the first of each name
+        self._joints: dict[str, ET.Element] = {}
 
     def raise_any(self) -> None:
         """
@@ -187,25 +171,31 @@ class Validation:
         if len(found) == 1:
             raise SpecError(f"{self._where}, {found[0]}")
         if found:
-            told = [f"({i}) {text}" for i, text in enumerate(found[:_TOLD], start=1)]
-            more = f"; ... and {len(found) - _TOLD} more" if len(found) > _TOLD else ""
-            raise SpecError(f"{self._where} has {len(found)} problems: {'; '.join(told)}{more}")
+            told = listed((f"({i}) {text}" for i, text in enumerate(found, start=1)), "; ")
+            raise SpecError(f"{self._where} has {len(found)} problems: {told}")
 
     def check(self, robot: ET.Element) -> None:
         """Note what is wrong with a ``<robot>`` element; its links may be none."""
         version = robot.get("version")
         if version is not None and not 1.0 <= (number(version) or 0.0) < 2.0:
             self._add(robot, f"<robot> version is {_shown(version)}; allowed: 1.x, or none")
-        links, joints = robot.findall("link"), robot.findall("joint")
         if fault := too_large(robot):
             self._add(robot, fault)
             return
-        link_names, joint_names = self._names("link", links), self._names("joint", joints)
-        for link in links:
+        for kind, named in (("link", self._links), ("joint", self._joints)):
+            for element in robot.findall(kind):
+                name = element.get("name", "")
+                if not name.strip():
+                    self._add(element, f"a <{kind}> has no name")
+                elif (first := named.setdefault(name, element)) is not element:
+                    there = f"(first defined on line {self._lines[first]})"
+                    own = "give each a name of its own"
+                    self._add(element, f"duplicate {kind} name {name!r} {there}; {own}")
+        for link in robot.findall("link"):
             self._check_link(link)
-        for joint in joints:
-            self._check_joint(joint, joint_names)
-        self._check_tree(links, joints, link_names)
+        for joint in robot.findall("joint"):
+            self._check_joint(joint)
+        self._check_tree(robot)
 
     def _add(self, element: ET.Element, text: str) -> None:
         self.found.append((self._lines[element], text))
@@ -220,37 +210,14 @@ class Validation:
         found = difflib.get_close_matches(name, sorted(names), n=3, cutoff=0.6)
         return f"; near it: {listed(found)}" if found else otherwise
 
-    def _names(self, kind: str, elements: Iterable[ET.Element]) -> set[str]:
-        first: dict[str, ET.Element] = {}
-        for element in elements:
-            name = element.get("name", "")
-            if not name.strip():
-                self._add(element, f"a <{kind}> has no name")
-            elif name in first:
-                line = self._lines[first[name]]
-                self._add(
-                    element,
-                    f"duplicate {kind} name {name!r} (first defined on line {line}); give each a name "
-                    "of its own",
-                )
-            else:
-                first[name] = element
-        return set(first)
-
     def _check_numbers(self, element: ET.Element | None, owner: str) -> None:
         if element is None:
             return
         for attribute, allowed in NUMBERS[element.tag].items():
-            text = element.get(attribute)
-            fault = ""
-            if text is not None and element.tag == "limit":
-                value = limit_of(attribute, text)
-                given = None if value is None else [value]
-            else:
-                given = None if text is None else numbers(text)
-            if text is None and allowed.required:
-                fault = f"has no {attribute!r}; allowed: {allowed}"
-            elif text is not None and not allowed.allow(given):
+            text, fault = element.get(attribute), ""
+            if text is None:
+                fault = f"has no {attribute!r}; allowed: {allowed}" if allowed.required else ""
+            elif not allowed.allow(_values(element.tag, attribute, text)):
                 fault = f"{attribute} is {_shown(text)}; allowed: {allowed}"
                 if any(_WITH_COMMA.fullmatch(part) for part in text.split()):
                     fault += ", with a decimal point"
@@ -258,8 +225,7 @@ class Validation:
                 self._add(element, f"{owner}: <{element.tag}> {fault}")
 
     def _check_link(self, link: ET.Element) -> None:
-        owner = f"link {link.get('name', '')!r}"
-        inertial = link.find("inertial")
+        owner, inertial = f"link {link.get('name', '')!r}", link.find("inertial")
         if inertial is not None:
             self._check_origin(inertial, f"{owner}: inertial")
             for tag in ("mass", "inertia"):
@@ -273,7 +239,7 @@ class Validation:
                 self._check_numbers(element, owner)
         for part in (*link.findall("visual"), *link.findall("collision")):
             before = len(self.found)
-            self._check_shape(part, f"link {link.get('name', '')!r}: {part.tag}")
+            self._check_shape(part, f"{owner}: {part.tag}")
             if faults := self.found[before:]:
                 del self.found[before:]
                 said = "; ".join(f"line {line}: {text}" for line, text in faults)
@@ -283,117 +249,74 @@ class Validation:
         shape = shape_of(part)
         self._check_origin(part, owner)
         self._check_numbers(shape, owner)
-        if shape is None or shape.tag != "mesh":
-            return
-        if not shape.get("filename", "").strip():
-            self._add(shape, f"{owner}: <mesh> has no 'filename'")
-        scale = shape.get("scale", "1 1 1")
-        if 0.0 in (numbers(scale) or []):
-            self._add(shape, f"{owner}: <mesh> scale is {_shown(scale)}; allowed: not 0")
+        if shape is not None and shape.tag == "mesh":
+            if not shape.get("filename", "").strip():
+                self._add(shape, f"{owner}: <mesh> has no 'filename'")
+            scale = shape.get("scale", "1 1 1")
+            if 0.0 in (numbers(scale) or []):
+                self._add(shape, f"{owner}: <mesh> scale is {_shown(scale)}; allowed: not 0")
 
     def _check_origin(self, element: ET.Element, owner: str) -> None:
         origin = element.find("origin")
         self._check_numbers(origin, owner)
         if origin is not None and "quat_xyzw" in origin.attrib:
-            self._add(
-                origin, f"{owner}: <origin> has 'quat_xyzw', which few tools read; give 'rpy' (rad)"
-            )
+            advice = "which few tools read; give 'rpy' (rad)"
+            self._add(origin, f"{owner}: <origin> has 'quat_xyzw', {advice}")
 
-    def _check_joint(self, joint: ET.Element, joint_names: set[str]) -> None:
+    def _check_joint(self, joint: ET.Element) -> None:
         name, kind = joint.get("name", ""), joint.get("type")
         owner = f"joint {name!r}"
         self._check_origin(joint, owner)
         if kind not in JOINT_TYPES:
-            advice = ""
-            if kind in ("floating", "planar"):
-                advice = "; make it fixed: mobman adds the platform's motion itself"
             found = "has no type" if kind is None else f"is {kind!r}"
+            moving = "; make it fixed: mobman adds the platform's motion itself"
+            advice = moving if kind in ("floating", "planar") else ""
             self._add(joint, f"{owner} {found}; allowed: {', '.join(JOINT_TYPES)}{advice}")
             return
         if kind == "fixed":
             return
-        axis, mimic = joint.find("axis"), joint.find("mimic")
+        axis, mimic, limit = joint.find("axis"), joint.find("mimic"), joint.find("limit")
         self._check_numbers(axis, owner)
         xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
         if axis is not None and numbers(xyz) == [0.0] * 3:
-            self._add(
-                axis,
-                f"{owner}: <axis> xyz is {_shown(xyz)}, which is not a direction; allowed: a vector "
-                "that is not 0",
-            )
-        self._check_limit(joint, kind, owner)
+            allowed = "which is not a direction; allowed: a vector that is not 0"
+            self._add(axis, f"{owner}: <axis> xyz is {_shown(xyz)}, {allowed}")
+        self._check_numbers(limit, owner)
+        if kind in _LIMITED and limit is None:
+            also = ", or make it continuous" if kind == "revolute" else ""
+            one = f"give it one (lower, upper, effort, velocity){also}"
+            self._add(joint, f"{owner} is {kind} and has no <limit>; {one}")
+        elif kind in _LIMITED and limit is not None:
+            lower, upper = (limit_of(bound, limit.get(bound, "0")) for bound in ("lower", "upper"))
+            if lower is not None and upper is not None and lower > upper:
+                ends = f"lower is {lower:g}, upper {upper:g}; allowed: lower <= upper"
+                self._add(limit, f"{owner}: <limit> {ends}")
         self._check_numbers(joint.find("dynamics"), owner)
         self._check_numbers(mimic, owner)
         followed = "" if mimic is None else mimic.get("joint", "")
-        if mimic is not None and followed not in joint_names:
-            near = self._near(followed, joint_names)
+        if mimic is not None and followed not in self._joints:
+            near = self._near(followed, self._joints)
             self._add(mimic, f"{owner}: <mimic> joint is {followed!r}, which is no joint{near}")
         elif mimic is not None and followed == name:
             self._add(mimic, f"{owner}: <mimic> joint is the joint itself; allowed: another one")
 
-    def _check_limit(self, joint: ET.Element, kind: str, owner: str) -> None:
-        limit = joint.find("limit")
-        self._check_numbers(limit, owner)
-        if kind not in _LIMITED:
-            return
-        if limit is None:
-            also = ", or make it continuous" if kind == "revolute" else ""
-            self._add(
-                joint,
-                f"{owner} is {kind} and has no <limit>; give it one (lower, upper, effort, "
-                f"velocity){also}",
-            )
-            return
-        lower, upper = (limit_of(bound, limit.get(bound, "0")) for bound in ("lower", "upper"))
-        if lower is not None and upper is not None and lower > upper:
-            self._add(
-                limit,
-                f"{owner}: <limit> lower is {lower:g}, upper {upper:g}; allowed: lower <= upper",
-            )
-
-    def _check_tree(
-        self, links: Sequence[ET.Element], joints: Sequence[ET.Element], link_names: set[str]
-    ) -> None:
+    def _check_tree(self, robot: ET.Element) -> None:
         """Note what keeps the joints from making one tree of the links."""
         before, by_child, parents = len(self.found), dict[str, ET.Element](), dict[str, str]()
-        for joint in joints:
-            parent = self._end(joint, "parent", link_names)
-            child = self._end(joint, "child", link_names)
-            if child in by_child:
-                first = by_child[child]
+        for joint in robot.findall("joint"):
+            parent, child = self._end(joint, "parent"), self._end(joint, "child")
+            if child and (first := by_child.setdefault(child, joint)) is not joint:
                 self._add(
                     joint,
                     f"joint {joint.get('name', '')!r}: its child {child!r} is the child of joint "
                     f"{first.get('name')!r} (line {self._lines[first]}) as well; a link has one parent",
                 )
             elif child:
-                by_child[child] = joint
                 parents[child] = parent
+        links = robot.findall("link")
         if len(self.found) > before or not all(link.get("name") for link in links):
             return  # the rest would follow from that
-        self._check_loops(parents, by_child)
-        roots = [link for link in links if link.get("name") not in by_child]
-        if len(roots) > 1:
-            names = listed(link.get("name", "") for link in roots)
-            self._add(
-                roots[1],
-                f"{len(roots)} root links ({names}); allowed: one: connect the others by joints",
-            )
-
-    def _end(self, joint: ET.Element, tag: str, link_names: set[str]) -> str:
-        """The link at one end of a joint; empty if it is none."""
-        owner = f"joint {joint.get('name', '')!r}"
-        element = joint.find(tag)
-        name = "" if element is None else element.get("link", "")
-        if element is None or not name:
-            self._add(joint, f'{owner} has no {tag}; give it <{tag} link="..."/>')
-        elif name not in link_names:
-            advice = self._near(name, link_names, "; add the link, or remove the joint")
-            self._add(element, f"{owner}: its {tag} {name!r} is no link{advice}")
-        return name if name in link_names else ""
-
-    def _check_loops(self, parents: Mapping[str, str], by_child: Mapping[str, ET.Element]) -> None:
-        """Note every circle of links, once; without a root link there is one."""
+        # every circle of links, once; without a root link there is one
         rooted: set[str] = set()
         for start in parents:
             path: dict[str, None] = {}  # an ordered set
@@ -411,6 +334,30 @@ class Validation:
                     f"remove one of the joints {removable}",
                 )
             rooted |= path.keys()
+        roots = [link for link in links if link.get("name") not in by_child]
+        if len(roots) > 1:
+            names = listed(link.get("name", "") for link in roots)
+            connect = "allowed: one: connect the others by joints"
+            self._add(roots[1], f"{len(roots)} root links ({names}); {connect}")
+
+    def _end(self, joint: ET.Element, tag: str) -> str:
+        """The link at one end of a joint; empty if it is none."""
+        owner, element = f"joint {joint.get('name', '')!r}", joint.find(tag)
+        name = "" if element is None else element.get("link", "")
+        if element is None or not name:
+            self._add(joint, f'{owner} has no {tag}; give it <{tag} link="..."/>')
+        elif name not in self._links:
+            advice = self._near(name, self._links, "; add the link, or remove the joint")
+            self._add(element, f"{owner}: its {tag} {name!r} is no link{advice}")
+        return name if name in self._links else ""
+
+
+def _values(tag: str, attribute: str, text: str) -> list[float] | None:
+    """The numbers of an attribute, or None."""
+    if tag != "limit":
+        return numbers(text)
+    value = limit_of(attribute, text)
+    return None if value is None else [value]
 
 
 def _shown(text: str) -> str:
