@@ -190,16 +190,11 @@ def _leave(message: str) -> None:
 
 
 def _print_json(summary: Summary, folder: Path) -> None:
-    outcomes = [
-        {
-            "run_id": outcome.run.run_id,
-            "run": str(outcome.run),
-            "status": outcome.status,
-            "message": outcome.message,
-            "task_error_max": outcome.task_error,
-        }
-        for outcome in summary.outcomes
-    ]
+    outcomes = []
+    for outcome in summary.outcomes:
+        ended = {key: getattr(outcome, key) for key in ("status", "message")}
+        ended["task_error_max"] = outcome.task_error
+        outcomes.append({"run_id": outcome.run.run_id, "run": str(outcome.run), **ended})
     counts = {key: getattr(summary, key) for key in ("asked", "skipped", "seconds", "workers")}
     report = None if summary.report is None else str(summary.report.html)
     print_json({"folder": str(folder), **counts, "outcomes": outcomes, "report": report})

@@ -81,14 +81,10 @@ def _command(kind: str, facts: Callable[[str], Facts], about: str) -> click.Comm
             _print(found[0])
         else:
             heads = [head for head in ("unit", "better") if found and head in found[0]]
-            rows = [  # of several sentences the first
-                [
-                    item["name"],
-                    *(item[head] for head in heads),
-                    item["description"].partition(". ")[0].rstrip("."),
-                ]
-                for item in found
-            ]
+            rows = []
+            for item in found:  # of several sentences the first
+                what = item["description"].partition(". ")[0].rstrip(".")
+                rows.append([item["name"], *(item[head] for head in heads), what])
             # names are listed to be typed: they keep their middle where half of the width is enough
             one = kind[:-1]
             console().print(table(one, *heads, "what it is", rows=rows, names={one}, share=2))

@@ -52,21 +52,15 @@ def robots(context: click.Context, as_json: bool) -> None:
         return
     out = console()
     about = ["description"] if out.width >= _WIDE else []
-    cells = [
-        (
-            row["name"],
-            row["platform"],
-            *("–" if row[key] is None else str(row[key]) for key in ("arm_joints", "nz")),
-            "–" if row["mass"] is None else f"{row['mass']:.1f}",
-            re.split(r"[ ;(]", row["license"])[0],
-            row["origin"],
-            *(row[key] for key in about),
-        )
-        for row in rows
-    ]
-    names, rest = ("robot", "platform"), ("licence", "from")
-    headings = (*names, *_NUMBERS, *rest, *about)
-    listing = table(*headings, rows=cells, right=_NUMBERS, no_wrap=True, names=names + rest)
+    cells = []
+    for row in rows:
+        mass = None if row["mass"] is None else f"{row['mass']:.1f}"
+        numbers = ("–" if n is None else n for n in (row["arm_joints"], row["nz"], mass))
+        rest = (re.split(r"[ ;(]", row["license"])[0], row["origin"], *(row[key] for key in about))
+        cells.append((row["name"], row["platform"], *numbers, *rest))
+    names, origin = ("robot", "platform"), ("licence", "from")
+    headings = (*names, *_NUMBERS, *origin, *about)
+    listing = table(*headings, rows=cells, right=_NUMBERS, no_wrap=True, names=names + origin)
     if about:
         listing.columns[-1].max_width = out.width - _OTHERS
     out.print(listing)

@@ -147,10 +147,8 @@ def add(
         files.append(file)
     text, built = found.toml(sources), UrdfSources(tuple(files)) if copies else None
     robot = _robot_of(text, target, built)
-    if not force and (there := [path for path in copies if os.path.exists(path)]):
-        raise UsageError(
-            f"{there[0]} is there already; choose another --name or -o, or add --force"
-        )
+    for path in () if force else copies:
+        _check_absent(path)
     if robot.platform.base_joints:
         text = with_platform_weights(text, *_heading(robot))
         robot = _robot_of(text, target, built)
@@ -178,10 +176,9 @@ def _heading(robot: mm.MobileManipulator) -> tuple[float, str]:
     """The weight of the heading in the posture criterion, by the rule, and what it is good for."""
     from mobman.model.posture_weights import conditioning
 
-    weight = robot.criterion_weights[robot.joint_names.index(robot.platform.base_joints[-1])]
-    return float(weight), (
-        f"1/rad^2: conditioning {conditioning(robot, robot.criterion_weights):.2g} at rest"
-    )
+    weights = robot.criterion_weights
+    weight = weights[robot.joint_names.index(robot.platform.base_joints[-1])]
+    return float(weight), f"1/rad^2: conditioning {conditioning(robot, weights):.2g} at rest"
 
 
 def _check_options(output: Path | None, options: Options) -> None:
@@ -207,12 +204,16 @@ def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
         raise UsageError(f"the robot {name!r} comes with mobman; choose another --name")
     if force:
         return
-    if os.path.exists(target):
-        raise UsageError(f"{target} is there already; choose another --name or -o, or add --force")
+    _check_absent(target)
     if by_name and name in mm.list_robots():
         raise UsageError(
             f"there is a robot {name!r} already; choose another --name, or add --force"
         )
+
+
+def _check_absent(path: Path) -> None:
+    if os.path.exists(path):
+        raise UsageError(f"{path} is there already; choose another --name or -o, or add --force")
 
 
 def _verified(robot: mm.MobileManipulator, force: bool) -> list[str]:
@@ -226,7 +227,7 @@ def _verified(robot: mm.MobileManipulator, force: bool) -> list[str]:
     findings = run_checks(robot, only=("ground", "wheel-radius"))
     wrong = [finding for finding in findings if finding.status == "wrong"]
     if wrong and not force:
-        said = "; ".join(f"{finding.found}" for finding in wrong)
+        said = "; ".join(finding.found for finding in wrong)
         raise UsageError(
             f"nothing was written, since a size cannot be right: {said}; correct the URDF, or give "
             "--wheel-radius (m), --up or --heading; with --force it is written as it is"
@@ -257,15 +258,12 @@ def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> mm.Mobile
     except MobmanError as error:
         advice = "correct the URDF"
         if re.search(_ABOUT_OPTIONS, str(error)):
-            advice += (
-                ", or say what was taken wrongly by --platform, --right-wheel, --left-wheel, --tip, "
-                "--lock, --heading"
-            )
+            flags = "--platform, --right-wheel, --left-wheel, --tip, --lock, --heading"
+            advice += f", or say what was taken wrongly by {flags}"
         # a class with the same exit status that takes a message only
         kind = UsageError if error.exit_status == UsageError.exit_status else MobmanError
-        raise kind(
-            f"nothing was written, since the robot cannot be loaded: {error}; {advice}"
-        ) from error
+        message = f"nothing was written, since the robot cannot be loaded: {error}; {advice}"
+        raise kind(message) from error
 
 
 def _print(summary: dict[str, Any]) -> None:

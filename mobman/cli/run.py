@@ -193,21 +193,19 @@ def tell(
     out.print(out.render_str(name, style="bold"), rest + (f"  ({in_force})" if in_force else ""))
     known = [metric for metric in list_metrics() if metric.name in metrics]
     if everything or level() > 0:
-        listing = table("metric", "value", "unit", "what it is", right={"value"})
-        for metric in known:
-            value = number(metrics[metric.name], metric.unit)
-            listing.add_row(metric.name, value, metric.unit, metric.description)
+        values = [number(metrics[metric.name], metric.unit) for metric in known]
+        rows = [
+            (m.name, value, m.unit, m.description) for m, value in zip(known, values, strict=True)
+        ]
+        out.print(table("metric", "value", "unit", "what it is", rows=rows, right={"value"}))
     else:
-        listing = table()
-        for section in _SUMMARY:
-            parts = [
-                f"{metric.short}: {_with_unit(metrics[metric.name], metric.unit)}"
-                for metric in known
-                if metric.section == section and metric.short
-            ]
-            if parts:
-                listing.add_row(f"  {section}", "; ".join(parts))
-    out.print(listing)
+        sections: dict[str, list[str]] = {section: [] for section in _SUMMARY}
+        for metric in known:
+            if metric.short and metric.section in sections:
+                value = _with_unit(metrics[metric.name], metric.unit)
+                sections[metric.section].append(f"{metric.short}: {value}")
+        shown = [(f"  {section}", "; ".join(parts)) for section, parts in sections.items() if parts]
+        out.print(table(rows=shown))
     lines = []
     if record.spec.get("monitor"):
         lines.append(f"theorems: {first_failure(record.t, record.signals)}")

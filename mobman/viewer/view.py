@@ -343,15 +343,17 @@ class LiveRun:
 
     def _states(self, samples: list[tuple[float, Array, Array, Array]]) -> SimpleNamespace:
         """What a scene needs of a record, at some samples."""
-        t, q, z, torque = map(np.array, zip(*samples, strict=True))
-        seen = [self._seen(*sample[:3]) for sample in samples]
+        arrays = map(np.array, zip(*samples, strict=True))
+        parts = dict(zip(("t", "q", "z", "torque"), arrays, strict=True))
+        space, seen = self._space, []
+        for at, *state, _ in samples:
+            space.at(at, *state)
+            desired = self._task.desired(float(at))[0]
+            seen.append((space.f[:3].copy(), desired, space.f - space.p_d[0]))
         tip, desired, error = map(np.array, zip(*seen, strict=True))
         m = tip.shape[1]
         return SimpleNamespace(
-            t=t,
-            q=q,
-            z=z,
-            torque=torque,
+            **parts,
             tip_position=tip,
             tip_desired=desired[:, :m],
             tip_desired_orientation=desired[:, m:] if desired.shape[1] > m else None,
@@ -359,12 +361,6 @@ class LiveRun:
             joint_names=self._robot.joint_names,
             **self._about,
         )
-
-    def _seen(self, t: float, q: Array, z: Array) -> tuple[Array, Array, Array]:
-        """Tip position, p_d and task error at a state."""
-        space = self._space
-        space.at(t, q, z)
-        return space.f[:3].copy(), self._task.desired(float(t))[0], space.f - space.p_d[0]
 
 
 def _in_notebook() -> bool:
