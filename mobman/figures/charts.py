@@ -25,6 +25,7 @@ FLOOR = 1e-12
 """Smallest error that is drawn (m): what is below it is rounding."""
 GREY = "#8a8f96"
 _PARTS = 3  # axes of motors of like size
+_PICK = alt.selection_point(name="pick", fields=["label"], bind="legend", toggle="true")
 
 
 class Curve(NamedTuple):
@@ -40,31 +41,25 @@ class Curve(NamedTuple):
 
 
 def figure(chart: Any, title: str, **data: Sequence[Mapping[str, Any]]) -> Spec:
-    """Make a chart with named data a specification that holds the data.
-
-    Args:
-        chart: The chart; its data are named.
-        title: Of the figure, for those who cannot see it.
-        data: Rows by name.
-    """
-    spec = chart.to_dict()
-    spec.pop("config", None)
-    return filled(spec, title, **data)
+    """Make a specification of a chart: its title for those who cannot see it, and its named data."""
+    return _filled(_bare(chart), title, **data)
 
 
-def filled(spec: Spec, title: str, **data: Sequence[Mapping[str, Any]]) -> Spec:
-    """Copy a specification, with its named data put in; see :func:`figure`."""
+def _bare(chart: Any) -> Spec:
+    return {key: value for key, value in chart.to_dict().items() if key != "config"}
+
+
+def _filled(spec: Spec, title: str, **data: Sequence[Mapping[str, Any]]) -> Spec:
     spec = copy.deepcopy(spec)
     spec["description"] = printable(title)
     for part in (spec, *spec.get("layer", ())):
         name = part.get("data", {}).get("name")
         if name is not None:
-            part["data"] = {"values": [_plain(row) for row in data.get(name, ())]}
+            rows = (
+                {key: _value(value) for key, value in row.items()} for row in data.get(name, ())
+            )
+            part["data"] = {"values": list(rows)}
     return spec
-
-
-def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: _value(value) for key, value in row.items()}
 
 
 def _value(value: Any) -> Any:
@@ -79,67 +74,38 @@ def _value(value: Any) -> Any:
 def layered(
     *layers: alt.Chart, data: str, height: float, zoom: str = "", legend: bool = True
 ) -> Any:
-    """Layer charts of named data, with a legend whose names can be clicked.
-
-    Args:
-        layers: The layers, first one with the looks, whose legend it is.
-        data: Name of the data of those that have none of their own.
-        height: Of the panel (px).
-        zoom: Axes that can be moved and zoomed: ``"x"``, ``"xy"``; none by default.
-        legend: False if there is no legend.
-    """
+    """Layer charts of named data in a panel of some height (px), first the one with the looks, whose
+    names in the legend, if there is one, can be clicked; axes to zoom are ``"x"``, ``"xy"`` or none."""
     chart = alt.layer(*layers, data=alt.NamedData(data)).properties(
         width="container", height=height
     )
-    params = [_pick()] if legend else []
-    if zoom:
-        # the plain wheel is for scrolling the page
-        encodings: Any = list(zoom)
-        params.append(
-            alt.selection_interval(
-                name="zoom", bind="scales", encodings=encodings, zoom="wheel![event.shiftKey]"
-            )
-        )
+    params: list[Any] = [_PICK] if legend else []
+    if zoom:  # by the wheel with Shift: the plain one is for scrolling the page
+        how: dict[str, Any] = {"encodings": list(zoom), "zoom": "wheel![event.shiftKey]"}
+        params.append(alt.selection_interval(name="zoom", bind="scales", **how))
     return chart.add_params(*params)
 
 
-def _pick() -> alt.Parameter:
-    return alt.selection_point(name="pick", fields=["label"], bind="legend", toggle="true")
-
-
-def own(name: str) -> alt.Chart:
-    """Make a layer with data of its own, by their name."""
-    return alt.Chart(alt.NamedData(name))
-
-
-def inherited() -> alt.Chart:
-    """Make a layer with the data of the whole."""
-    return alt.Chart()
+def layer(data: str = "") -> alt.Chart:
+    """Make a layer with data of its own, by their name; by default with those of the whole."""
+    return alt.Chart(alt.NamedData(data)) if data else alt.Chart()
 
 
 def looked(
     looks: Mapping[str, Look], *, line: bool = False, marker: bool = False, legend: bool = True
 ) -> dict[str, Any]:
-    """Make the encodings that give each label its look, and fade those that are not picked.
-
-    Args:
-        looks: By label.
-        line: True for dashes and widths.
-        marker: True for markers.
-        legend: False for no legend, and nothing to pick.
-    """
+    """Make the encodings that give each label its look, with dashes and widths of lines or with
+    markers; with a legend, those that are not picked there fade."""
     scales = _scales(looks)
     wanted = {"color": alt.Color, **({"shape": alt.Shape} if marker else {})}
     wanted |= {"strokeDash": alt.StrokeDash, "strokeWidth": alt.StrokeWidth} if line else {}
-    more: dict[str, Any] = {} if legend else {"legend": None}
+    how: dict[str, Any] = {"field": "label", "type": "nominal", "title": None}
+    how |= {} if legend else {"legend": None}
     found: dict[str, Any] = {
-        channel: kind(
-            field="label", type="nominal", title=None, scale=alt.Scale(**scales[channel]), **more
-        )
-        for channel, kind in wanted.items()
+        name: channel(scale=alt.Scale(**scales[name]), **how) for name, channel in wanted.items()
     }
     if legend:
-        found["opacity"] = alt.condition(_pick(), alt.value(1.0), alt.value(0.06))
+        found["opacity"] = alt.condition(_PICK, alt.value(1.0), alt.value(0.06))
     return found
 
 
@@ -157,14 +123,9 @@ def _scales(looks: Mapping[str, Look]) -> dict[str, dict[str, Any]]:
 
 def hovered(base: alt.Chart, x: str, y: str) -> Any:
     """Make the layer that shows the point of a curve nearest to the pointer, and its data."""
-    near = alt.selection_point(
-        name="near",
-        nearest=True,
-        fields=["label", x],
-        on="pointerover",
-        clear="pointerout",
-        empty=False,
-    )
+    fields = ["label", x]
+    pointer: dict[str, Any] = {"on": "pointerover", "clear": "pointerout", "empty": False}
+    near = alt.selection_point(name="near", nearest=True, fields=fields, **pointer)
     shown: Any = alt.condition(near, alt.value(1.0), alt.value(0.0))
     # Vega-Lite looks for texts of encoded tooltips in the wrong place if the nearest point is shown
     points = base.mark_point(
@@ -179,11 +140,7 @@ def log_axis(
 ) -> dict[str, Any]:
     """Make title, scale and axis of a logarithmic encoding, with few round ticks.
 
-    Args:
-        low: Where it begins.
-        high: Where it ends.
-        title: Of the axis.
-        end: Where failures are drawn, beyond ``high``.
+    Failures are drawn at ``end``, beyond ``high``, if it is given.
     """
     first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
     step = max(1, math.ceil((last - first + 1) / 7))
@@ -194,11 +151,8 @@ def log_axis(
     label = "replace(datum.label, '+', '')"  # 1e0, not 1e+0
     if end is not None:
         ticks, label = [*ticks, end], f"datum.value > {high * 1.01:.6g} ? '∞' : {label}"
-    axis: dict[str, Any] = {
-        "values": ticks,
-        "format": "~g" if low > 1e-3 and high < 1e5 else "~e",
-        "labelExpr": label,
-    }
+    form = "~g" if low > 1e-3 and high < 1e5 else "~e"
+    axis: dict[str, Any] = {"values": ticks, "format": form, "labelExpr": label}
     scale = alt.Scale(type="log", domain=[low, high if end is None else 2.5 * end], nice=False)
     return {"title": title, "scale": scale, "axis": alt.Axis(**axis)}
 
@@ -218,7 +172,7 @@ def line_at(name: str, channel: str, **mark: Any) -> alt.Chart:
     """Make a layer of dotted lines through the panel, at the field ``at`` of its own data."""
     mark = {"strokeDash": [2, 3], "color": GREY, **mark}
     place: Any = {channel: alt.X("at:Q") if channel == "x" else alt.Y("at:Q")}
-    chart: alt.Chart = own(name).mark_rule(**mark).encode(**place)
+    chart: alt.Chart = layer(name).mark_rule(**mark).encode(**place)
     return chart
 
 
@@ -255,6 +209,15 @@ def thin(t: Array, values: Array, columns: int = 500) -> tuple[Array, Array]:
     return t[kept], values[kept]
 
 
+def norm_curve(
+    label: str, t: Array, values: Array, end: float = math.nan, columns: int = 500
+) -> Curve:
+    """Thin the norm of a vector against time, shape (n, m), for a log axis: not below the floor."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        x, y = thin(t, np.asarray(np.linalg.norm(values, axis=1)), columns)
+    return Curve(label, x, np.where(np.isfinite(y), np.maximum(y, FLOOR), math.nan), end)
+
+
 def _bends(t: Array, values: Array, height: float) -> NDArray[np.intp]:
     """Indices of the samples without which the curve would look different, to 0.1 % of its height."""
     kept = np.arange(len(t))
@@ -279,17 +242,21 @@ def _against_time(log: bool) -> Spec:
     y: Any = alt.Y("y:Q", scale=alt.Scale(domain=[-1, 1], nice=False))
     if log:
         y = alt.Y("y:Q", **log_axis(1e-12, 1.0, ""))
-    look = looked({}, line=True)
-    steady = own("steady").mark_rect(color=GREY, opacity=0.09).encode(x=alt.X("from:Q"), x2="to:Q")
-    lines = inherited().transform_flatten(["t", "y"]).mark_line(clip=True).encode(x=x, y=y, **look)
-    hover = hovered(inherited().transform_flatten(["t", "y"]), "t", "y")
-    ends = own("ends").mark_point(shape="cross", angle=45, filled=True, size=70, clip=True)
-    ends = ends.encode(x="t:Q", y="y:Q", color=look["color"], tooltip=["ended:N"])
-    marks, stop = line_at("marks", "y"), line_at("stop", "x", strokeDash=[1, 0])
-    chart = layered(lines, steady, marks, stop, ends, hover, data="curves", height=1, zoom="x")
-    spec: Spec = chart.to_dict()
-    spec.pop("config", None)
-    return spec
+    look, curves = looked({}, line=True), layer().transform_flatten(["t", "y"])
+    steady = layer("steady").mark_rect(color=GREY, opacity=0.09)
+    ends = layer("ends").mark_point(shape="cross", angle=45, filled=True, size=70, clip=True)
+    chart = layered(
+        curves.mark_line(clip=True).encode(x=x, y=y, **look),
+        steady.encode(x=alt.X("from:Q"), x2="to:Q"),
+        line_at("marks", "y"),
+        line_at("stop", "x", strokeDash=[1, 0]),
+        ends.encode(x="t:Q", y="y:Q", color=look["color"], tooltip=["ended:N"]),
+        hovered(curves, "t", "y"),
+        data="curves",
+        height=1,
+        zoom="x",
+    )
+    return _bare(chart)
 
 
 def time_chart(
@@ -313,7 +280,7 @@ def time_chart(
         curves: The curves.
         looks: By label.
         title: Of the figure.
-        axis: Title of the vertical axis.
+        axis: Title of the vertical axis, which is logarithmic by default.
         duration: Where the axis of time ends (s).
         log: True for a logarithmic axis.
         limits: Of the vertical axis; by default around all values.
@@ -330,18 +297,15 @@ def time_chart(
     rows, ends = [], []
     for curve in sorted(curves, key=lambda c: looks[c.label].depth):
         drawn = np.maximum(curve.values, low) if log else curve.values
-        seen = _bends(
-            curve.t,
-            np.log10(drawn) if log else drawn,
-            math.log10(high / low) if log else high - low,
-        )
+        scaled, room = (np.log10(drawn), math.log10(high / low)) if log else (drawn, high - low)
+        seen = _bends(curve.t, scaled, room)
         rows.append({"label": curve.label, "t": curve.t[seen], "y": drawn[seen]})
         finite = drawn[np.isfinite(drawn)]
         if math.isfinite(curve.end) and (not log or len(finite)):
             y = float(np.clip(finite[-1] if len(finite) else 0.0, low, high))
             words = f"{curve.label} ended at {curve.end:.4g} s"
             ends.append({"label": curve.label, "t": curve.end, "y": y, "ended": words})
-    found = filled(
+    found = _filled(
         _against_time(log),
         title,
         curves=rows,
@@ -353,18 +317,16 @@ def time_chart(
     if heading:
         found["title"] = printable(heading)
     found["height"] = height
-    for layer in found["layer"]:
-        encoding, scales = layer["encoding"], _scales(shown)
+    for part in found["layer"]:
+        encoding, scales = part["encoding"], _scales(shown)
         for channel in scales.keys() & encoding.keys():
             encoding[channel]["scale"] = scales[channel]
-        if layer["mark"]["type"] == "line":
-            encoding["x"]["scale"]["domain"] = [0, duration]
-            encoding["y"] |= {
-                "title": axis,
-                "scale": {**encoding["y"]["scale"], "domain": [low, high]},
-            }
-            if log:
-                encoding["y"]["axis"] = log_axis(low, high, "")["axis"].to_dict()
+    encoding = found["layer"][0]["encoding"]  # of the lines
+    encoding["x"]["scale"]["domain"] = [0, duration]
+    encoding["y"]["title"] = axis
+    encoding["y"]["scale"]["domain"] = [low, high]
+    if log:
+        encoding["y"]["axis"] = log_axis(low, high, "")["axis"].to_dict()
     return found
 
 
@@ -406,48 +368,24 @@ def torque_charts(
     together: bool = False,
     heading: str = "",
 ) -> list[Spec]:
-    """Draw the torques of a run against time, motors of like size on one axis.
+    """Draw the torques of a run against time, shape (n, motors), motors of like size on one axis, or all
+    together; for the other arguments see :func:`time_chart` and :func:`thin`.
 
-    Args:
-        t: Time (s).
-        torque: By motor, in columns.
-        names: Of the motors.
-        title: Of the figure.
-        duration: Where the axis of time ends (s).
-        end: When the run ended early (s).
-        columns: How many columns a curve is thinned to.
-        together: True to draw all motors on one axis.
-        heading: Words above the first panel.
+    The run ended early at ``end`` (s), if it did; the heading is above the first panel.
     """
-    looks = motor_looks(names)
     charts: list[Spec] = []
+    how: dict[str, Any] = {"title": title, "axis": "v  (N m or N)", "duration": duration}
+    torque = np.where(np.isfinite(torque), torque, np.nan)
     for motors in [[*range(len(names))]] if together else motors_by_size(torque):
-        values = torque[:, motors]
-        finite = np.abs(values[np.isfinite(values)])
-        limits = None
-        if math.isfinite(end) and finite.size >= 20:
+        sizes = np.abs(torque[:, motors])
+        sizes, limits = sizes[~np.isnan(sizes)], None
+        if math.isfinite(end) and sizes.size >= 20:
             # the blow-up of a diverging run must not hide what led to it
-            bound = 1.2 * float(np.quantile(finite, 0.97))
-            if 0.0 < 3.0 * bound < finite.max():
-                limits = (-bound, bound)
-        curves = []
-        for motor in motors:
-            some = torque[:, motor]
-            drawn = np.where(np.isfinite(some), some, np.nan)
-            curves.append(Curve(names[motor], *thin(t, drawn, columns)))
-        spec = time_chart(
-            curves,
-            looks,
-            title=title,
-            axis="v  (N m or N)",
-            duration=duration,
-            log=False,
-            limits=limits,
-            stop=end,
-            heading="" if charts else heading,
-            height=150.0,
-        )
-        charts.append(spec)
+            bound = 1.2 * float(np.quantile(sizes, 0.97))
+            limits = (-bound, bound) if 0.0 < 3.0 * bound < sizes.max() else None
+        curves = [Curve(names[i], *thin(t, torque[:, i], columns)) for i in motors]
+        how |= {"limits": limits, "stop": end, "heading": "" if charts else heading}
+        charts.append(time_chart(curves, motor_looks(names), log=False, height=150.0, **how))
     return charts
 
 
@@ -465,9 +403,9 @@ def run_charts(
     """Draw a run against time: norms of errors, ratios such as shares of limits, and torques.
 
     Args:
-        t: Time (s).
+        t: Time (s), shape (n,).
         errors: Errors in columns, by the title of their axis.
-        torque: By motor, in columns.
+        torque: Shape (n, motors).
         names: Of the motors.
         law: Of its controller, whose colour it has.
         title: Of the figure.
@@ -476,35 +414,21 @@ def run_charts(
     """
     duration = float(t[-1]) if len(t) and t[-1] > 0.0 else 1.0
     end = duration if ended else math.nan
-    looks = looks_of({law: law})
     charts: list[Spec] = []
-    for axis, values in errors.items():
-        with np.errstate(over="ignore", invalid="ignore"):
-            size = np.asarray(np.linalg.norm(values, axis=1))
-        x, y = thin(t, np.where(np.isfinite(size), np.maximum(size, FLOOR), np.nan))
-        curves = [Curve(law, x, y, end)]
-        heading = "" if charts else title
+
+    def draw(axis: str, curves: list[Curve], looks: Mapping[str, Look], **options: Any) -> None:
         words = f"{axis} against time: {title}"
-        height = 150.0 if charts else 240.0
-        options: dict[str, Any] = {"duration": duration, "heading": heading, "height": height}
-        charts.append(time_chart(curves, looks, title=words, axis=axis, **options))
+        how = {"duration": duration, "height": 150.0, **options}
+        charts.append(time_chart(curves, looks, title=words, axis=axis, **how))
+
+    for axis, values in errors.items():
+        first = {} if charts else {"heading": title, "height": 240.0}
+        draw(axis, [norm_curve(law, t, values, end)], looks_of({law: law}), **first)
     for axis, parts in ratios.items():
-        if not parts:
-            continue
-        curves = [Curve(name, *thin(t, values), end) for name, values in parts.items()]
-        seen = np.concatenate([curve.values for curve in curves])
-        _, high = decades([10.0, *seen[np.isfinite(seen)]])
-        charts.append(
-            time_chart(
-                curves,
-                motor_looks(list(parts)),
-                title=f"{axis} against time: {title}",
-                axis=axis,
-                duration=duration,
-                limits=(1e-2, high),
-                mark=1.0,
-                height=150.0,
-            )
-        )
+        if parts:
+            curves = [Curve(name, *thin(t, own), end) for name, own in parts.items()]
+            seen = np.concatenate([curve.values for curve in curves])
+            limits = 1e-2, decades([10.0, *seen[np.isfinite(seen)]])[1]
+            draw(axis, curves, motor_looks(list(parts)), limits=limits, mark=1.0)
     words = f"Torques against time: {title}"
     return charts + torque_charts(t, torque, names, title=words, duration=duration, end=end)

@@ -38,16 +38,8 @@ POLICY = (
 def config(
     ink: str, soft: str, line: str, font: str = _FONT, size: float = 11.0, longest: float = 320.0
 ) -> dict[str, Any]:
-    """Make Vega-Lite's configuration for a page's colours.
-
-    Args:
-        ink: Of titles.
-        soft: Of labels.
-        line: Of grids.
-        font: Its name, or several.
-        size: Of labels (px).
-        longest: Of labels (px): what is longer is cut.
-    """
+    """Make Vega-Lite's configuration for a page's colours of titles, of labels and of grids; labels have
+    a size (px), and what is longer than some length (px) is cut."""
     colours = {"labelColor": soft, "titleColor": ink}
     sizes = {"titleFontSize": size * 12 / 11, "labelFontSize": size}
     words = {**colours, **sizes, "titleFontWeight": "normal"}
@@ -65,10 +57,7 @@ def config(
 
 
 _LIGHT = "#1c1e21", "#5a6068", "#e1e3e6"
-CONFIGS = {
-    "light": config(*_LIGHT),
-    "dark": config("#e6e8ea", "#a4abb3", "#30343a"),
-}
+CONFIGS = {"light": config(*_LIGHT), "dark": config("#e6e8ea", "#a4abb3", "#30343a")}
 _PRINTED = {**CONFIGS["light"], "background": "white"}
 
 
@@ -79,14 +68,8 @@ def beside(
     width: float | None = None,
     entry: float = _ENTRY,
 ) -> Spec:
-    """Put charts into one figure for a file.
-
-    Args:
-        specs: The charts.
-        across: True for one beside the other, False for one below the other.
-        width: Of each (px).
-        entry: Room that a legend's entry takes (px).
-    """
+    """Put charts into one figure for a file, one below the other, or across: one beside the other; each
+    has a width, in which a legend's entry takes some room (px)."""
     if width is None:
         width = 0.5 * _WIDTH - 30.0 if across else _WIDTH
     charts = [_still(spec, width, "bottom" if across else "top", entry) for spec in specs]
@@ -142,6 +125,9 @@ def drawn(spec: Spec, kind: str, look: Mapping[str, Any] = CONFIGS["light"]) -> 
     return found.encode() if isinstance(found, str) else bytes(found)
 
 
+_COLUMNS = {"single": 252.0, "double": 515.5}  # pt
+
+
 @dataclass(frozen=True)
 class Print:
     """Column, font and size of a paper's figures."""
@@ -159,14 +145,6 @@ class Print:
         if not 4.0 <= self.size <= 24.0:
             raise UsageError(f"font size: found {self.size!r}; allowed are 4 to 24 pt")
 
-    @property
-    def width(self) -> float:
-        """Width of figures (pt)."""
-        return _COLUMNS[self.column]
-
-
-_COLUMNS = {"single": 252.0, "double": 515.5}  # pt
-
 
 def printed(specs: Sequence[Spec], how: Print, *, across: bool = False) -> bytes:
     """Draw charts as a PDF of exactly a column's width, to be included as it is.
@@ -174,16 +152,15 @@ def printed(specs: Sequence[Spec], how: Print, *, across: bool = False) -> bytes
     Raises:
         UsageError: If the font is not installed.
     """
-    across = across and how.column == "double"
-    look = config(*_LIGHT, how.font, how.size * 11 / 12, 0.4 * how.width)
+    across, whole = across and how.column == "double", _COLUMNS[how.column]
+    look = config(*_LIGHT, how.font, how.size * 11 / 12, 0.4 * whole)
     columns = len(specs) if across else 1
-    inner = how.width / columns - 60.0
+    inner = whole / columns - 60.0
     for _ in range(4):  # what labels take beside the plots is known once they are drawn
         charts = beside(_set(specs, how), across=across, width=inner, entry=10.0 * how.size)
-        spec = {**charts, "padding": 2}
-        content = drawn(spec, "pdf", look)
+        content = drawn({**charts, "padding": 2}, "pdf", look)
         box = re.search(rb"/MediaBox\s*\[\s*\S+\s+\S+\s+(\S+)", content)
-        excess = float(box[1]) - how.width if box else 0.0
+        excess = float(box[1]) - whole if box else 0.0
         if abs(excess) < 1.0:
             break
         inner = max(inner - excess / columns, 30.0)
@@ -203,9 +180,7 @@ def _set(specs: Sequence[Spec], how: Print) -> list[Spec]:
             return [sized(item) for item in part]
         if not isinstance(part, dict):
             return part
-        own = {key: sized(value) for key, value in part.items() if key != "datasets"}
-        if "datasets" in part:
-            own["datasets"] = part["datasets"]
+        own = {key: value if key == "datasets" else sized(value) for key, value in part.items()}
         return own | ({"fontSize": how.size * 11 / 12} if "fontSize" in part else {})
 
     share = how.size / 11.0 if how.column == "single" else 1.0
@@ -272,13 +247,11 @@ def _vega() -> str:
     """Bundle Vega's script; it takes seconds, so that it is kept in the user's cache."""
     import vl_convert
 
-    path = (
-        platformdirs.user_cache_path("mobman") / f"vega-{metadata.version('vl-convert-python')}.js"
-    )
-    try:
+    version = metadata.version("vl-convert-python")
+    path = platformdirs.user_cache_path("mobman") / f"vega-{version}.js"
+    with suppress(OSError, UnicodeDecodeError):
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        found = re.sub("</(?=script)", r"<\\/", vl_convert.javascript_bundle(_EXPORT), flags=re.I)
+    found = re.sub("</(?=script)", r"<\\/", vl_convert.javascript_bundle(_EXPORT), flags=re.I)
     with suppress(MobmanError):  # a cache that cannot be written is none
         write_all({path: found.encode()})
     return found

@@ -28,11 +28,8 @@ _MARKERS = (
 )
 # Curves often coincide: neighbours differ in width, and the thinner are drawn above, the thinnest with
 # gaps, so that all of them show.
-_LINES: tuple[tuple[float, tuple[float, ...]], ...] = (
-    (4.6, _SOLID),
-    (2.4, _SOLID),
-    (1.4, (9.0, 6.0)),
-)
+_LINES: Sequence[tuple[float, tuple[float, ...]]]
+_LINES = (4.6, _SOLID), (2.4, _SOLID), (1.4, (9.0, 6.0))
 _EXPLICIT = (3.0, 2.0)
 _TUNED = (9.0, 2.5)
 _AGAIN = (6.0, 1.5, 1.0, 1.5)
@@ -46,8 +43,6 @@ class Look(NamedTuple):
     """Lengths of dashes and gaps (px); solid by default."""
     width: float = 1.4
     marker: str = "circle"
-    hollow: bool = False
-    """True if its markers are not filled."""
 
     @property
     def depth(self) -> float:
@@ -99,13 +94,7 @@ def looks_of(
             dashes = tuple(0.5 * (again + 1) * length for length in _AGAIN)
         if label in explicit or label in parents:
             width, dashes = (1.1, _EXPLICIT) if label in explicit else (width, _TUNED)
-        looks[label] = Look(
-            colour,
-            dashes,
-            width,
-            _MARKERS[place % len(_MARKERS)],
-            label in explicit or label in parents,
-        )
+        looks[label] = Look(colour, dashes, width, _MARKERS[place % len(_MARKERS)])
     return looks
 
 

@@ -7,8 +7,6 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mobman.display import Displayed, Shown
 from mobman.errors import UsageError
 from mobman.files import as_path
@@ -64,11 +62,8 @@ class Comparison(Displayed):
         for axis, name in names.items():
             curves = []
             for label, record in records.items():
-                with np.errstate(over="ignore", invalid="ignore"):
-                    size = np.asarray(np.linalg.norm(getattr(record, name), axis=1))
-                seen = np.where(np.isfinite(size), np.maximum(size, charts.FLOOR), np.nan)
                 end = math.nan if record.ok else float(record.t[-1])
-                curves.append(charts.Curve(label, *charts.thin(record.t, seen), end))
+                curves.append(charts.norm_curve(label, record.t, getattr(record, name), end))
             heading, text = "" if specs else title, f"{axis} against time: {title}"
             options: dict[str, Any] = {"title": text, "axis": axis, "heading": heading}
             specs.append(charts.time_chart(curves, looks, duration=duration, **options))

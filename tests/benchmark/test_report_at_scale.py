@@ -451,7 +451,7 @@ def test_tuned_gains_show_their_budget():
     assert "like with like: with tuned gains pinv-tuned" in said
     looks = looks_for(found)
     assert looks["pinv"].colour == looks["pinv-tuned"].colour
-    assert looks["pinv-tuned"].hollow
+    assert looks["pinv-tuned"].dashes != looks["pinv"].dashes
     assert "No controller was tuned" in "\n".join(limitations_of(results_of(runs)))
     assert "No controller was tuned" not in "\n".join(limitations_of(found))
 

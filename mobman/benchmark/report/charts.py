@@ -17,24 +17,8 @@ from mobman.benchmark.report.format import instant, interval_range, number
 from mobman.benchmark.report.standings import EFFORTS, Board, Price, clusters, upper_median
 from mobman.benchmark.statistics import Interval, performance_profile, score_profile
 from mobman.display import printable
-from mobman.figures.charts import (
-    FLOOR,
-    GREY,
-    Curve,
-    Spec,
-    decades,
-    figure,
-    hovered,
-    inherited,
-    layered,
-    line_at,
-    log_axis,
-    looked,
-    own,
-    thin,
-    time_chart,
-    torque_charts,
-)
+from mobman.figures import charts as parts
+from mobman.figures.charts import FLOOR, GREY, Spec, decades, layer, log_axis
 from mobman.figures.looks import Look, looks_of
 from mobman.simulation.metrics import STEADY
 from mobman.simulation.monitors import STAGES
@@ -54,8 +38,7 @@ class Figure(NamedTuple):
     name: str
     charts: list[Spec]
     caption: str
-    across: bool = False
-    """True if they stand side by side where there is room."""
+    across: bool = False  # True if they stand side by side where there is room
 
 
 def looks_for(results: Results) -> dict[str, Look]:
@@ -82,19 +65,11 @@ def _errors(
     heading: str = "",
     height: float = 260.0,
 ) -> Spec:
-    """Draw errors on a log axis against something else; failures are beyond its end.
+    """Draw errors on a log axis, upright or not, against something else; failures are beyond its end.
 
-    Args:
-        rows: ``label``, ``at``, ``error``, and ``value`` in words; with intervals, ``low`` and ``high``
-            of the error, ``from`` and ``to`` of the other.
-        looks: By label.
-        title: Of the figure.
-        against: Encodings of the other axis, by channel.
-        upright: True if errors are on the vertical axis.
-        joined: True to join the points of a label.
-        front: Corners of a staircase.
-        heading: Words above the panel.
-        height: Of the panel (px).
+    Rows have ``label``, ``at``, ``error``, and ``value`` in words; with intervals, ``low`` and ``high``
+    of the error, ``from`` and ``to`` of the other, whose encodings are given by channel. The points of
+    a label may be joined; a front has the corners of a staircase.
     """
     keys, vertical = ("error", "low", "high"), "y" if upright else "x"
     rows = [{"low": row["error"], "high": row["error"], **row} for row in rows]
@@ -106,37 +81,35 @@ def _errors(
         limited = {key: float(np.clip(row[key], low, end)) for key in keys}
         drawn.append({**row, **limited, "failed": float(row["error"] > end)})
     alone = all(row["label"] == row["at"] for row in rows)  # the names are their legend
-    look = looked(looks, line=joined, marker=True, legend=not alone)
+    look = parts.looked(looks, line=joined, marker=True, legend=not alone)
     lines = {channel: how for channel, how in look.items() if channel != "shape"}
     colours = {channel: how for channel, how in look.items() if channel in ("color", "opacity")}
     channel: Any = alt.Y if upright else alt.X
     error = {vertical: channel("error:Q", **log_axis(low, high, _ERROR, end))}
-    good = inherited().transform_filter("!datum.failed")  # of failures there is no height
+    good = layer().transform_filter("!datum.failed")  # of failures there is no height
+    bars = layer().mark_rule(strokeWidth=3)
     if joined:
         layers = [good.mark_line().encode(**error, **against, **lines)]
     else:
         spread = {vertical: channel("low:Q"), f"{vertical}2": "high:Q"}
-        layers = [inherited().mark_rule(strokeWidth=3).encode(**spread, **against, **colours)]
+        layers = [bars.encode(**spread, **against, **colours)]
     if rows and "from" in rows[0]:
-        bars = inherited().mark_rule(strokeWidth=3)
         layers.append(bars.encode(x=alt.X("from:Q"), x2="to:Q", **error, **colours))
     zoned: dict[str, Any] = {vertical: channel("from:Q"), f"{vertical}2": "to:Q"}
-    zone = own("zone").mark_rect(color=GREY, opacity=0.12)
-    stairs = own("front").mark_line(interpolate="step-after", color=GREY, strokeWidth=1)
+    stairs = layer("front").mark_line(interpolate="step-after", color=GREY, strokeWidth=1)
     tips = [alt.Tooltip("label:N", title="controller"), alt.Tooltip("value:N")]
     points: dict[str, Any] = {**error, **against, **colours, "tooltip": tips}
+    cross: dict[str, Any] = {"shape": "cross", "angle": 45, "filled": True, "size": 80}
     layers += [
-        zone.encode(**zoned),
+        layer("zone").mark_rect(color=GREY, opacity=0.12).encode(**zoned),
         *([stairs.encode(x="x:Q", y="y:Q", order="x:Q")] if front else ()),
-        line_at("marks", vertical),
+        parts.line_at("marks", vertical),
         good.mark_point(filled=True, size=80).encode(**points, shape=look["shape"]),
-        inherited().transform_filter("datum.failed").mark_point(**_CROSS).encode(**points),
+        layer().transform_filter("datum.failed").mark_point(**cross).encode(**points),
     ]
-    chart = layered(
-        *layers, data="rows", height=height, zoom="x" if upright else "", legend=not alone
-    )
-    spec = figure(
-        chart,
+    zoom = "x" if upright else ""
+    spec = parts.figure(
+        parts.layered(*layers, data="rows", height=height, zoom=zoom, legend=not alone),
         title,
         rows=drawn,
         front=[{"x": x, "y": y} for x, y in front],
@@ -144,9 +117,6 @@ def _errors(
         zone=[{"from": 10**0.5 * high, "to": 2.5 * end}],
     )
     return {**spec, "title": printable(heading)} if heading else spec
-
-
-_CROSS: dict[str, Any] = {"shape": "cross", "angle": 45, "filled": True, "size": 80}
 
 
 def _names(kind: Any, field: str, names: Iterable[str]) -> Any:
@@ -159,7 +129,6 @@ def _names(kind: Any, field: str, names: Iterable[str]) -> Any:
 
 def leaderboard_figure(board: Board, looks: Looks) -> Figure:
     """Draw the geometric interquartile mean of each controller, with its interval."""
-    names = [s.label for s in board.ranked]
     rows = []
     for s in board.ranked:
         words = f"{number(s.error.estimate)} m ({interval_range(s.error)})"
@@ -167,11 +136,11 @@ def leaderboard_figure(board: Board, looks: Looks) -> Figure:
     title = (
         "Geometric interquartile mean of the steady task error of each controller, with intervals"
     )
-    shown, axis = {n: looks[n] for n in names}, {"y": _names(alt.Y, "at", names)}
-    spec = _errors(rows, shown, title, axis, upright=False, height=27.0 * len(rows) + 8.0)
+    shown = {s.label: looks[s.label] for s in board.ranked}
+    axis, height = {"y": _names(alt.Y, "at", shown)}, 27.0 * len(rows) + 8.0
     return Figure(
         "leaderboard",
-        [spec],
+        [_errors(rows, shown, title, axis, upright=False, height=height)],
         "Geometric interquartile mean over cells with 95 % intervals; dotted: 1e-4 m, below which a run "
         "can succeed; ×: failures are in the middle half.",
     )
@@ -192,33 +161,29 @@ def overview_figure(results: Results, group: str, looks: Looks) -> Figure:
     ]
     shown = {label: looks[label] for label in results.labels if errors[label].notna().any()}
     height = len(cells) * (12.0 + 9.0 * len(shown))
-    title = f"Largest steady task error of each controller: {group}"
     axes = {"y": _names(alt.Y, "at", cells.variant)}
     axes["yOffset"] = alt.YOffset("label:N", sort=list(map(printable, shown)))
-    spec = _errors(rows, shown, title, axes, upright=False, height=height)
+    title = f"Largest steady task error of each controller: {group}"
     return Figure(
         f"{group} overview",
-        [spec],
+        [_errors(rows, shown, title, axes, upright=False, height=height)],
         "The same, on a log axis; dotted: 1e-4 m, below which a run can succeed; ×: ended early.",
     )
 
 
+_MIDDLE = "of an even number the worse of the two in the middle"
+_HALF = "×: half of them or more fail."
+
+
 def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Figure, int]:
-    """Draw the median error of each controller by scenario, or by robot and task.
-
-    Args:
-        results: The runs.
-        board: The standings.
-        column: Of the cells: what the rows are.
-        name: Of the figure.
-
-    Returns:
-        The figure, and how many rows it has no room for.
-    """
+    """Draw the median error of each controller by ``"case"``, the scenario, or by ``"group"``, robot and
+    task; also return how many rows the figure has no room for."""
     cells = results.cells.loc[board.cells]
     errors = results.errors.loc[board.cells, board.labels]
     table = errors.groupby(cells[column], sort=False).agg(upper_median)
+    kind, over = "robots and tasks", "scenarios and placements"
     if column == "case":
+        kind, over = "scenarios", "robots, tasks and placements"
         family = cells.drop_duplicates(column).set_index(column).family
         order = {f: i for i, f in enumerate(cells.family.unique())}
         table = table.sort_index(key=lambda names: family[names].map(order), kind="stable")
@@ -238,24 +203,21 @@ def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Fi
     y = _names(alt.Y, "row", shown.index)
     scale = alt.Scale(scheme="blues", domain=[math.log10(low), math.log10(high)])
     shade: Any = alt.Color("shade:Q", scale=scale, legend=None)
-    base = inherited().encode(x=x, y=y, tooltip=["row:N", "label:N", "text:N"])
-    tiles = base.mark_rect(stroke="white", strokeWidth=1, invalid=None).encode(color=shade)
-    middle = 0.5 * math.log10(low * high)
-    ink: Any = alt.condition(
-        f"datum.shade > {middle:.6g}", alt.value("white"), alt.value("#16202c")
-    )
+    base = layer().encode(x=x, y=y, tooltip=["row:N", "label:N", "text:N"])
+    dark = f"datum.shade > {0.5 * math.log10(low * high):.6g}"
+    ink: Any = alt.condition(dark, alt.value("white"), alt.value("#16202c"))
     crossed: Any = alt.condition("isValid(datum.shade)", shade, alt.value("#c9ccd1"))
-    words = base.mark_text(fontSize=11).encode(text="text:N", color=ink)
-    chart = layered(
-        tiles.encode(color=crossed), words, data="rows", height=22.0 * len(shown), legend=False
+    chart = parts.layered(
+        base.mark_rect(stroke="white", strokeWidth=1, invalid=None).encode(color=crossed),
+        base.mark_text(fontSize=11).encode(text="text:N", color=ink),
+        data="rows",
+        height=22.0 * len(shown),
+        legend=False,
     )
-    kind = "scenarios" if column == "case" else "robots and tasks"
-    spec = figure(chart, f"Heat map of the steady task error: {kind} by controllers", rows=rows)
-    over = "robots, tasks and placements" if column == "case" else "scenarios and placements"
-    caption = (
-        f"Steady |e^e| (m), the median over {over}, of an even number the worse of the two in the "
-        "middle; darker is worse; ×: half of them or more fail."
+    spec = parts.figure(
+        chart, f"Heat map of the steady task error: {kind} by controllers", rows=rows
     )
+    caption = f"Steady |e^e| (m), the median over {over}, {_MIDDLE}; darker is worse; {_HALF}"
     return Figure(name, [spec], caption), len(table) - len(shown)
 
 
@@ -271,12 +233,10 @@ def periods_figure(results: Results, looks: Looks) -> Figure | None:
         most = max(periods, key=len)  # of equal ones, the first scenario's
         if len(most) > 1:
             swept = cells[cells.scenario.map(periods) == most]
-            spec = _sweep(results, looks, swept, 1e3 * swept.dt, str(group), "dt  (ms)")
-            charts += [spec] if spec else []
+            charts += _sweep(results, looks, swept, 1e3 * swept.dt, str(group), "dt  (ms)")
     caption = (
         "Steady |e^e| against the sampling period, the median over the scenarios that have every one of "
-        "these periods, of an even number the worse of the two in the middle; ×: half of them or more "
-        "fail."
+        f"these periods, {_MIDDLE}; {_HALF}"
     )
     return Figure("sampling periods", charts, caption, across=True) if charts else None
 
@@ -288,20 +248,18 @@ def sensitivity_figure(results: Results, looks: Looks) -> Figure | None:
         own = cells.scenario.where(cells.scenario.str.startswith(f"{family}-"))
         swept = pd.to_numeric(own.str.removeprefix(f"{family}-"), errors="coerce")
         if swept.notna().all() and swept.nunique() > 2:
-            spec = _sweep(results, looks, cells, swept, str(family), f"value of {family}")
-            charts += [spec] if spec else []
+            charts += _sweep(results, looks, cells, swept, str(family), f"value of {family}")
     caption = (
         "Steady |e^e| against the number that the scenarios of a family vary, the median over robots, "
-        "tasks and periods, of an even number the worse of the two in the middle; ×: half of them or "
-        "more fail."
+        f"tasks and periods, {_MIDDLE}; {_HALF}"
     )
     return Figure("sensitivity", charts, caption, across=True) if charts else None
 
 
 def _sweep(
     results: Results, looks: Looks, cells: pd.DataFrame, values: pd.Series, name: str, axis: str
-) -> Spec | None:
-    """Draw the median error of the cells that have each value."""
+) -> list[Spec]:
+    """Draw the median error of the cells that have each value; nothing if nothing of it is done yet."""
     errors, pending = (x.loc[cells.index] for x in (results.errors, results.pending))
     rows = []
     for label in results.labels:
@@ -311,23 +269,22 @@ def _sweep(
                 y = upper_median(found)
                 words = f"{value:g}: {number(y)} m"
                 rows.append({"label": label, "at": value, "error": y, "value": words})
-    if not rows:  # nothing of it is done yet
-        return None
+    if not rows:
+        return []
     known = {row["label"] for row in rows}
     low, high = values.min(), values.max()
     log = low > 0.0 and high > 2.0 * low
     margin = 1.15 if log else 0.05 * (high - low)
     limits = [low / margin, high * margin] if log else [low - margin, high + margin]
-    scale = alt.Scale(type="log" if log else "linear", domain=limits, nice=False)
     ticks = sorted(set(values)) if values.nunique() <= 8 else alt.Undefined
     how: dict[str, Any] = {
         "title": printable(axis),
-        "scale": scale,
+        "scale": alt.Scale(type="log" if log else "linear", domain=limits, nice=False),
         "axis": alt.Axis(values=ticks, format="~g"),
     }
     shown = {label: look for label, look in looks.items() if label in known}
     title = f"Steady task error against {axis}: {name}"
-    return _errors(rows, shown, title, {"x": alt.X("at:Q", **how)}, joined=True, heading=name)
+    return [_errors(rows, shown, title, {"x": alt.X("at:Q", **how)}, joined=True, heading=name)]
 
 
 def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
@@ -340,42 +297,42 @@ def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
     shares = performance_profile(errors, taus, floor=FLOOR)
     kinds = clusters(results, board.cells)
     scores = [score_profile(np.maximum(own, FLOOR), thresholds, clusters=kinds) for own in errors]
-    left: list[dict[str, Any]] = []
-    right: list[dict[str, Any]] = []
-    for label, share, s in zip(board.labels, shares, scores, strict=True):
-        left.append({"label": label, "x": taus, "y": share})
-        right.append({"label": label, "x": thresholds, "y": s.share, "low": s.low, "high": s.high})
+    left = [{"label": k, "x": taus, "y": y} for k, y in zip(board.labels, shares, strict=True)]
+    right = [
+        {"label": label, "x": thresholds, "y": s.share, "low": s.low, "high": s.high}
+        for label, s in zip(board.labels, scores, strict=True)
+    ]
     shown = {label: looks[label] for label in board.labels}
     within = log_axis(1.0, factor, "within this factor of the cell's best")
     at_most = log_axis(low, high, "steady |eᵉ| at most  (m)")
-    charts = [
-        {**_profile(left, shown, within), "title": "Performance profile"},
-        {**_profile(right, shown, at_most), "title": "Score profile"},
-    ]
     caption = (
         "Performance profile: the share of cells in which a controller’s error is within a factor of "
         "the least of all controllers there; at 1, where it is the best. Score profile: the share of "
         "cells with an error of at most so much, with 95 % bands. A failure is within no factor and "
         "below no error. Higher is better."
     )
+    charts = [
+        {**_profile(left, shown, within), "title": "Performance profile"},
+        {**_profile(right, shown, at_most), "title": "Score profile"},
+    ]
     return Figure("profiles", charts, caption, across=True)
 
 
 def _profile(rows: list[dict[str, Any]], looks: Looks, axis: dict[str, Any]) -> Spec:
-    title = "Performance profile and score profile of the steady task error"
     fields: list[Any] = list(rows[0])[1:]
     rows = sorted(rows, key=lambda row: looks[row["label"]].depth)
-    base = inherited().transform_flatten(fields)
+    base = layer().transform_flatten(fields)
     x = alt.X("x:Q", **axis)
     y = alt.Y("y:Q", title="share of cells", scale=alt.Scale(domain=[0, 1.02], nice=False))
-    look = looked(looks, line=True)
+    look = parts.looked(looks, line=True)
     lines = base.mark_line(interpolate="step-after", clip=True).encode(x=x, y=y, **look)
-    layers = [lines, hovered(base, "x", "y")]
+    layers = [lines, parts.hovered(base, "x", "y")]
     if "low" in fields:
         band = base.mark_area(interpolate="step-after", opacity=0.1, clip=True)
-        band = band.encode(x="x:Q", y="low:Q", y2="high:Q", color=look["color"])
-        layers.insert(1, band)
-    return figure(layered(*layers, data="rows", height=250.0, zoom="x"), title, rows=rows)
+        layers.insert(1, band.encode(x="x:Q", y="low:Q", y2="high:Q", color=look["color"]))
+    chart = parts.layered(*layers, data="rows", height=250.0, zoom="x")
+    title = "Performance profile and score profile of the steady task error"
+    return parts.figure(chart, title, rows=rows)
 
 
 def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure:
@@ -383,12 +340,10 @@ def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure
     charts = []
     for metric, found in prices.items():
         shown = [p for p in found if math.isfinite(p.error.estimate + p.effort.estimate)]
-        ends = [
-            min(v, 1e12) for p in shown for v in (p.effort.low, p.effort.estimate, p.effort.high)
-        ]
-        efforts = [v for v in ends if math.isfinite(v)] or [1.0, 10.0]
-        margin = max((max(efforts) / min(efforts)) ** 0.08, 1.05)
-        left, right = min(efforts) / margin, max(efforts) * margin
+        ends = [v for p in shown for v in (p.effort.low, p.effort.estimate, p.effort.high)]
+        efforts = np.minimum([v for v in ends if not math.isnan(v)] or [1.0, 10.0], 1e12)
+        margin = max((efforts.max() / efforts.min()) ** 0.08, 1.05)
+        left, right = efforts.min() / margin, efforts.max() * margin
         rows = [
             {
                 "label": p.label,
@@ -427,8 +382,12 @@ class CellFigures(NamedTuple):
 def papers_cell(results: Results) -> int | None:
     """Find the cell whose figures are the paper's: its task where nothing is changed."""
     cells, done = results.cells, set(results.runs.cell[results.runs.state == DONE])
-    papers = cells.index[(cells.task == PAPERS_TASK) & (cells.scenario == NOMINAL)]
-    return next((int(cell) for cell in papers if cell in done), None)
+    return next((int(cell) for cell in cells.index[_papers(cells)] if cell in done), None)
+
+
+def _papers(cells: Any) -> Any:
+    """True for the cells, or the cell, of the paper's task where nothing is changed."""
+    return (cells.task == PAPERS_TASK) & (cells.scenario == NOMINAL)
 
 
 class _Curves(NamedTuple):
@@ -436,10 +395,8 @@ class _Curves(NamedTuple):
 
     axis: str
     caption: str
-    values: Callable[[Any], Array | None]
-    """Of a record, in columns; None if it has none."""
-    mark: float | None = None
-    """Value of a dotted line."""
+    values: Callable[[Any], Array | None]  # of a record, in columns; None if it has none
+    mark: float | None = None  # value of a dotted line
 
 
 def _margin(stage: str, record: Any) -> Array | None:
@@ -465,12 +422,10 @@ _CURVES = {
         lambda record: record.task_error[:, 3:],
         SUCCESS,
     ),
-    "torque": _Curves(
-        "|v|  (N m or N)",
-        "Euclidean norm of the torques v.",
-        lambda record: record.torque,
-    ),
 }
+_TORQUE = _Curves(
+    "|v|  (N m or N)", "Euclidean norm of the torques v.", lambda record: record.torque
+)
 _MARGINS = {
     f"margin of the {stage} stage": _Curves(
         "gain over what is needed",
@@ -488,12 +443,8 @@ def cell_figures(
 ) -> CellFigures:
     """Draw the errors of a cell's first seed against time, and the torques.
 
-    Args:
-        results: The runs.
-        cell: Its number.
-        looks: Of the controllers.
-        columns: How many columns errors are thinned to.
-        motor_columns: The same for each motor's torque; 0 to draw the norms of the torques.
+    Errors are thinned to so many columns, and each motor's torque; of 0 motor columns, the norms of the
+    torques are drawn.
     """
     name, duration = results.cells.name[cell], float(results.cells.duration[cell])
     own_runs = results.runs[(results.runs.cell == cell) & (results.runs.state == DONE)]
@@ -503,24 +454,21 @@ def cell_figures(
             records[run.label] = run, record
     if not records:
         return CellFigures(cell, [], [])
-    wanted = ["task error", "auxiliary error"]
-    if any(record.tip_orientation is not None for _, record in records.values()):
-        wanted.append("orientation error")
-    if motor_columns:
-        wanted += _MARGINS
+    wanted = {**_CURVES, **(_MARGINS if motor_columns else {"torque": _TORQUE})}
+    if all(record.tip_orientation is None for _, record in records.values()):
+        del wanted["orientation error"]
     figures = []
-    for what in wanted if motor_columns else [*wanted, "torque"]:
-        kind = {**_CURVES, **_MARGINS}[what]
+    for what, kind in wanted.items():
         curves, good = [], []
         for label, (run, record) in records.items():
             if (values := kind.values(record)) is None:
                 continue
-            curve = _norm(label, record.t, values, columns, run)
-            curves.append(curve)
-            good += [curve.values] if run.ok else []
+            end = math.nan if run.ok or not len(record.t) else float(record.t[-1])
+            curves.append(parts.norm_curve(label, record.t, values, end, columns))
+            good += [curves[-1].values] if run.ok else []
         if not curves:
             continue
-        spec = time_chart(
+        spec = parts.time_chart(
             curves,
             looks,
             title=f"Norm of the {what} against time, log axis: {name}",
@@ -538,7 +486,7 @@ def cell_figures(
         return CellFigures(cell, [Figure(name, charts, "", across=True)], [])
     torques, more = _torques(records, name, duration, motor_columns)
     figures.append(torques)
-    if results.cells.task[cell] == PAPERS_TASK and results.cells.scenario[cell] == NOMINAL:
+    if _papers(results.cells.loc[cell]):
         figures = [f._replace(caption=f"Fig. {i}. {f.caption}") for i, f in enumerate(figures, 2)]
     return CellFigures(cell, figures, more)
 
@@ -548,11 +496,13 @@ def _torques(
 ) -> tuple[Figure, list[Figure]]:
     """Draw the torques of the paper's law, or else of the first, and of the others on demand."""
     law = (k for k, (run, _) in records.items() if run.law == PAPERS_LAW and not run.explicit)
-    shown, others = next(law, next(iter(records))), []
+    shown, found = next(law, next(iter(records))), {}
     for label, (run, record) in records.items():
-        first, end = label == shown, _end(run, record)
+        # its last sample where its message does not say when it ended
+        last = math.isfinite(run.end) or not len(record.t)
+        end = run.end if last else float(record.t[-1])
         heading = label if run.ok else f"{label}: {run.status} at {instant(end)}"
-        charts = torque_charts(
+        found[label] = parts.torque_charts(
             record.t,
             record.torque,
             list(record.velocity_names),
@@ -560,33 +510,15 @@ def _torques(
             duration=duration,
             end=math.nan if run.ok else end,
             columns=columns,
-            together=not first,
-            heading="" if first else heading,
+            together=label != shown,
+            heading="" if label == shown else heading,
         )
-        if first:
-            caption = (
-                f"Torques v of {label}; alpha_i: motors of the platform, in its quasi-velocities."
-            )
-            figure = Figure(f"{name} torque", charts, caption)
-        else:
-            others += charts
+    caption = f"Torques v of {shown}; alpha_i: motors of the platform, in its quasi-velocities."
+    figure = Figure(f"{name} torque", found.pop(shown), caption)
+    others = [chart for charts in found.values() for chart in charts]
     caption = (
         "Torques v of the other controllers, each panel on its own scale; a run that diverged is cut "
         "off where it leaves the scale of what came before."
     )
     more = [Figure(f"{name} other torques", others, caption, across=True)] if others else []
     return figure, more
-
-
-def _norm(label: str, t: Array, values: Array, columns: int, run: Any) -> Curve:
-    with np.errstate(over="ignore", invalid="ignore"):
-        size = np.asarray(np.linalg.norm(values, axis=1))
-    x, y = thin(t, size, columns)
-    drawn = np.where(np.isfinite(y), np.maximum(y, FLOOR), math.nan)
-    end = math.nan if run.ok or not len(t) else float(t[-1])
-    return Curve(label, x, drawn, end)
-
-
-def _end(run: Any, record: Any) -> float:
-    """Find the end of a run (s): its last sample if its message does not say it."""
-    return float(run.end if math.isfinite(run.end) or not len(record.t) else record.t[-1])

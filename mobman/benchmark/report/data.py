@@ -50,45 +50,31 @@ message) or not run yet. ``base``: the same for robots on the same platform, emp
 
 @dataclass
 class Results:
-    """Runs of a folder of results, without their samples.
+    """Runs of a suite's folder of results, without their samples."""
 
-    Args:
-        rows: The runs that the suite asks for, in its order: fields by name.
-        name: Of the suite.
-        description: Of the suite.
-        seconds: Wall time of the suite; None if unknown.
-        workers: Processes that worked on it; None if unknown.
-        tuned: By label, where its gains are tuned: what of, with what budget, and what came of it.
-        folder: Of the results, for commands.
-        unused: Files that are not used, or only in part, and why.
-    """
-
-    rows: Sequence[Mapping[str, Any]]
+    rows: Sequence[Mapping[str, Any]]  # that the suite asks for, in its order: fields by name
     name: str = ""
     description: str = ""
-    seconds: float | None = None
-    workers: int | None = None
-    tuned: Mapping[str, TunedFrom] = field(default_factory=dict)
-    folder: str = "DIR"
-    unused: dict[str, str] = field(default_factory=dict)
+    seconds: float | None = None  # wall time of the suite; None if unknown
+    workers: int | None = None  # processes that worked on it; None if unknown
+    tuned: Mapping[str, TunedFrom] = field(default_factory=dict)  # by label
+    folder: str = "DIR"  # for commands
+    unused: dict[str, str] = field(default_factory=dict)  # files not used, or in part, and why
 
     @cached_property
     def runs(self) -> pd.DataFrame:
         """One row a run, those without a result too, by cell."""
         rows = [{**_DEFAULTS, **row} for row in self.rows]
         runs = pd.DataFrame(rows, columns=list(_DEFAULTS))
-        done, metrics = runs.state == DONE, self.metrics
+        done = runs.state == DONE
         runs["ok"] = done & (runs.status == "ok")
-        success = metrics.get("success", pd.Series(0.0, runs.index))
-        runs["succeeded"] = done & (success == 1.0)
-        error = metrics.get("task_error_max", pd.Series(math.nan, runs.index))
+        runs["succeeded"] = done & (self.metric("success") == 1.0)
+        error = self.metric("task_error_max")
         runs["error"] = error.where(done & error.notna(), math.inf)
         runs["end"] = [_instant(message) for message in runs.message]
-        share = metrics.get("saturation_share", pd.Series(0.0, runs.index))
-        start = metrics.get("saturation_start", pd.Series(math.nan, runs.index))
-        runs["saturation"] = start.where(share > 0.0)
-        beyond = metrics.get("time_beyond_limits", pd.Series(0.0, runs.index))
-        runs["beyond"] = done & (beyond > 0.0)
+        cut = self.metric("saturation_share") > 0.0
+        runs["saturation"] = self.metric("saturation_start").where(cut)
+        runs["beyond"] = done & (self.metric("time_beyond_limits") > 0.0)
         runs["explicit"] = [s.get("discretization") == "explicit" for s in runs.settings]
         cells = list(runs[_CELL].itertuples(index=False, name=None))
         numbers = {cell: i for i, cell in enumerate(dict.fromkeys(cells))}
@@ -101,6 +87,10 @@ class Results:
         """Metrics by name, a row a run; NaN where there is none."""
         found = [dict(row.get("metrics", {})) for row in self.rows]
         return pd.DataFrame(found, index=range(len(found)), dtype=float)
+
+    def metric(self, name: str) -> pd.Series:
+        """A metric of each run; NaN where there is none."""
+        return self.metrics.reindex(columns=[name])[name]
 
     @cached_property
     def cells(self) -> pd.DataFrame:
@@ -128,15 +118,11 @@ class Results:
         cells["variant"] = cells.case + told("placement", lambda n: f", placement {n}")
         cells["name"] = [f"{g}, {v}" for g, v in zip(cells.group, cells.variant, strict=True)]
         # the nominal scenario first, the others as they come; each from the shortest period on
-        group, scenario = (pd.factorize(cells[name])[0] for name in ("group", "scenario"))
-        cells["place"] = list(
-            zip(
-                *(group, cells.scenario != NOMINAL, scenario),
-                *(cells.dt, cells.duration, cells.placement),
-                strict=True,
-            )
-        )
-        return cells.sort_values("place").drop(columns="place")
+        order = cells[["group", "scenario", "dt", "duration", "placement"]].copy()
+        for name in ("group", "scenario"):
+            order[name] = pd.factorize(cells[name])[0]
+        order.insert(1, "changed", cells.scenario != NOMINAL)
+        return cells.loc[order.sort_values(list(order), kind="stable").index]
 
     @cached_property
     def labels(self) -> list[str]:
@@ -185,11 +171,10 @@ class Results:
 
     def effort(self, metric: str) -> pd.DataFrame:
         """A metric's median over seeds, over the least of its cell; inf where a seed failed."""
-        found = self.metrics[metric] if metric in self.metrics else self.runs.error * math.nan
+        found = self.metric(metric)
         whole = found.where(self.runs.ok & found.notna(), math.inf)
-        values = self.by_cell(whole, "median").where(
-            self.by_cell(whole, "max") < math.inf, math.inf
-        )
+        failed = self.by_cell(whole, "max") == math.inf
+        values = self.by_cell(whole, "median").mask(failed, math.inf)
         least = values.where(values > 0.0).min(axis=1)
         return values.div(least, axis=0).where(np.isfinite(values), math.inf).fillna(math.inf)
 
@@ -216,10 +201,8 @@ def read_results(
 ) -> Results:
     """Read everything in a folder of results but the samples.
 
-    Args:
-        store: The folder.
-        place: The folder that files are named from; the store's own by default.
-        write_replay: Writes the page of a run; see :func:`.report.report_on`.
+    Files are named from another place than the folder if one is given; for the page of each run, see
+    :func:`.report.report_on`.
 
     Raises:
         MobmanError: If there are no results at all.
@@ -257,21 +240,23 @@ def read_results(
     unused |= _others(store, asked)
     manifest = store.manifest
     controllers = manifest.suite.controllers.items()
-    tuned = {label: entry.tuned for label, entry in controllers if entry.tuned is not None}
-    suite = manifest.suite.name, manifest.suite.description
-    folder = shlex.quote(str(store.folder))
-    return Results(rows, *suite, manifest.seconds, manifest.workers, tuned, folder, unused)
+    return Results(
+        rows,
+        manifest.suite.name,
+        manifest.suite.description,
+        manifest.seconds,
+        manifest.workers,
+        tuned={label: entry.tuned for label, entry in controllers if entry.tuned is not None},
+        folder=shlex.quote(str(store.folder)),
+        unused=unused,
+    )
 
 
 def _row(spec: RunSpec, file: str) -> dict[str, Any]:
     measured = spec.scenario.get("acceleration", "")
     return {
         **spec.cell._asdict(),
-        "family": spec.family,
-        "label": spec.label,
-        "law": spec.law,
-        "seed": spec.seed,
-        "gains": spec.gains,
+        **{name: getattr(spec, name) for name in ("family", "label", "law", "seed", "gains")},
         "file": file,
         "acceleration": str(measured.get("type", "") if isinstance(measured, dict) else measured),
     }
@@ -286,13 +271,15 @@ def _outcome(summary: RecordSummary, path: Path) -> dict[str, Any]:
             instant = float(times[-1]) if len(times) else None
         except RecordError:
             instant = None
-    words = ["mobman", "view", str(path)]
-    words += [] if instant is None else ["--time", f"{instant:.6g}"]
+    at = [] if instant is None else ["--time", f"{instant:.6g}"]
     names = ("status", "message", "metrics", "settings", "versions", "created", "machine")
-    found = {name: getattr(summary, name) for name in names}
-    command = shlex.join(words)
-    found["base"] = _base_of(summary.spec.get("robot"))
-    return {**found, "load": load, "command": command, "instant": instant}
+    return {
+        **{name: getattr(summary, name) for name in names},
+        "base": _base_of(summary.spec.get("robot")),
+        "load": load,
+        "command": shlex.join(["mobman", "view", str(path), *at]),
+        "instant": instant,
+    }
 
 
 def _base_of(robot: Any) -> str:
@@ -310,12 +297,11 @@ def _others(store: Store, asked: set[str]) -> dict[str, str]:
     for path in sorted((store.folder / "runs").glob("*")):
         if path.name in asked or path.name.startswith("."):  # the latter: being written
             continue
-        reason = "a record that this suite does not ask for"
-        if path.suffix != ".h5":
-            reason = "not a record: these end in .h5"
-        else:
+        reason = "not a record: these end in .h5"
+        if path.suffix == ".h5":
             try:
                 store.read(path)
+                reason = "a record that this suite does not ask for"
             except RecordError as error:
                 reason = str(error)
         found[_relative(path, store.folder)] = reason

@@ -10,7 +10,14 @@ import numpy as np
 import pandas as pd
 
 from mobman.benchmark.report.data import DONE, NOMINAL, NOT_RUN, Results
-from mobman.benchmark.report.format import count, interval_range, listing, metric_value, number
+from mobman.benchmark.report.format import (
+    count,
+    environment,
+    interval_range,
+    listing,
+    metric_value,
+    number,
+)
 from mobman.benchmark.report.standings import Board, Standing, unit_of
 from mobman.controllers.protocol import information_of
 
@@ -21,8 +28,7 @@ _PRICES = {
     "torque_energy": "integral of |v|²",
     "torque_peak": "largest torque",
 }
-_MOST_LINES = 10
-"""Lines of a summary, whatever the suite's size."""
+_MOST_LINES = 10  # of a summary, whatever the suite's size
 _FEW = 3  # robots and tasks that each get sentences of their own, as far as there is room
 _MOST_NAMES = 5  # scenario families, or controllers, that are named in a sentence
 
@@ -36,14 +42,13 @@ def summary_lines(results: Results, board: Board) -> list[str]:
     if len(results.groups) > _FEW:
         return lines
     nominal, worst, prices = [], [], []
-    for group in results.groups:
-        cells = results.cells[results.cells.group == group]
-        first = cells.index[0] if cells.scenario.iloc[0] == NOMINAL else None
-        if first is not None:
-            errors = _errors(results, first)
-            nominal += [f"{cells.name[first]}: {_extremes(errors)}."] if len(errors) > 1 else []
+    errors = results.errors.mask(results.pending)
+    for _, cells in results.cells.groupby("group", sort=False):
+        if cells.scenario.iloc[0] == NOMINAL:
+            first, own = cells.index[0], dict(errors.loc[cells.index[0]].dropna())
+            nominal += [f"{cells.name[first]}: {_extremes(own)}."] if len(own) > 1 else []
             prices += _price(results, first)
-        worst += _over_scenarios(results, cells)
+        worst += _over_scenarios(results, errors.loc[cells.index], cells)
     for more in (nominal, worst, prices):
         if len(lines) + len(more) <= _MOST_LINES:
             lines += more
@@ -71,44 +76,37 @@ def _pending(results: Results, board: Board) -> list[str]:
     pending = int((results.runs.state == NOT_RUN).sum())
     if not pending:
         return []
-    compared = (
-        f"only the {count(len(board.cells), 'cell')} in which all were tried are compared, and these "
-        "need not be like the others"
-    )
-    if not len(board.cells):
-        compared = "there is no cell yet in which all were tried, so nothing is compared"
+    compared = "there is no cell yet in which all were tried, so nothing is compared"
+    if len(board.cells):
+        compared = (
+            f"only the {count(len(board.cells), 'cell')} in which all were tried are compared, and "
+            "these need not be like the others"
+        )
     verb = "was" if pending == 1 else "were"
     return [f"Preliminary: {count(pending, 'run')} {verb} not done yet; {compared}."]
 
 
 def _leader(results: Results, board: Board) -> list[str]:
     """Name the leader, its lead, and the cells in which others are better."""
-    ahead = board.ranked
     if not board.compares:
         return []
+    ahead = board.ranked
     first, n = ahead[0], count(len(board.cells), "cell")
-    over = f"the {n} that all controllers ran in"
-    if board.pending:
-        over = f"the {n} that are done"
+    over = f"the {n} that {'are done' if board.pending else 'all controllers ran in'}"
     if len(board.cells) == board.asked:
         over = f"all {n}"
     if not math.isfinite(first.error.estimate):
         return [f"Over {over}, no controller completes the middle half of the cells."]
     # to the digits shown, several may be equal
     leaders = [s for s in ahead if number(s.error.estimate) == number(first.error.estimate)]
-    rest = [s for s in ahead if s not in leaders]
-    verb = "has" if len(leaders) == 1 else "have"
     line = (
-        f"Over {over}, {_listed([s.label for s in leaders])} {verb} the smallest steady |e^e| "
-        f"(geometric interquartile mean): {_metres(first)}"
+        f"Over {over}, {_listed([s.label for s in leaders])} {'has' if len(leaders) == 1 else 'have'} "
+        f"the smallest steady |e^e| (geometric interquartile mean): {_metres(first)}"
     )
-    if rest:
+    if rest := [s for s in ahead if s not in leaders]:
         line += f"; then {rest[0].label}: {_metres(rest[0])}{_times(first, rest[0])}"
-    return [
-        f"{line}. {_shared(first, ahead)}",
-        *_weak(results, first, board),
-        *_solved(first, ahead),
-    ]
+    weak, solved = _weak(results, first, board), _solved(first, ahead)
+    return [f"{line}. {_shared(first, ahead)}", weak, *solved]
 
 
 def _shared(first: Standing, ahead: Sequence[Standing]) -> str:
@@ -124,18 +122,17 @@ def _shared(first: Standing, ahead: Sequence[Standing]) -> str:
     )
 
 
-def _weak(results: Results, first: Standing, board: Board) -> list[str]:
+def _weak(results: Results, first: Standing, board: Board) -> str:
     """Count the cells in which the first is not the best, or fails."""
     better: Counter[str] = Counter()
     factors = []
     for _, errors in results.errors.loc[board.cells, board.labels].iterrows():
         own, best = float(errors[first.label]), float(errors.min())
-        if number(best) == number(own):  # equal to the digits shown
-            continue
-        better.update(str(k) for k, value in errors.items() if number(value) == number(best))
-        factors.append(own / best)
+        if number(best) != number(own):  # to the digits shown
+            better.update(str(k) for k, value in errors.items() if number(value) == number(best))
+            factors.append(own / best)
     if not factors:
-        return [f"In no cell has another controller a smaller error than {first.label}."]
+        return f"In no cell has another controller a smaller error than {first.label}."
     middle = sorted(factors)[len(factors) // 2]
     how = f"a factor of {number(middle, 2)} in the median"
     if middle < 1.05:
@@ -155,7 +152,7 @@ def _weak(results: Results, first: Standing, board: Board) -> list[str]:
     if families:
         more = f" and {len(families) - _MOST_NAMES} more" if len(families) > _MOST_NAMES else ""
         line += f" By scenario family another leads in: {', '.join(families[:_MOST_NAMES])}{more}."
-    return [line]
+    return line
 
 
 def _solved(first: Standing, ahead: Sequence[Standing]) -> list[str]:
@@ -163,14 +160,12 @@ def _solved(first: Standing, ahead: Sequence[Standing]) -> list[str]:
     if first.solved == first.cells:
         return []
     most = max(standing.solved for standing in ahead)
-    line = (
+    names = _listed([s.label for s in ahead if s.solved == most])
+    others = f"; most are solved by {names}: {most}" if most > first.solved else ""
+    return [
         f"{first.label} solves {first.solved} of {first.cells} cells (no run fails, and all settle "
-        "below 1e-4 m)"
-    )
-    if most > first.solved:
-        names = [s.label for s in ahead if s.solved == most]
-        line += f"; most are solved by {_listed(names)}: {most}"
-    return [f"{line}."]
+        f"below 1e-4 m){others}."
+    ]
 
 
 def _tuned(results: Results, board: Board) -> list[str]:
@@ -214,10 +209,10 @@ def _successes(results: Results) -> str:
     tried = results.runs[results.runs.state != NOT_RUN]
     if not len(tried):
         return "No run was tried yet."
-    score = tried.groupby("label").succeeded.agg(["sum", "size"])
     by_score: dict[tuple[int, int], list[str]] = {}
-    for label in (label for label in results.labels if label in score.index):
-        by_score.setdefault((int(score["sum"][label]), int(score["size"][label])), []).append(label)
+    for label in results.labels:
+        if len(own := tried.succeeded[tried.label == label]):
+            by_score.setdefault((int(own.sum()), len(own)), []).append(label)
     shares = []
     for (won, asked), names in sorted(by_score.items(), key=lambda s: -s[0][0] / s[0][1]):
         share = "none" if won == 0 else "all" if won == asked else f"{won}"
@@ -232,47 +227,33 @@ def _losses(results: Results) -> list[str]:
     lines = []
     early = results.runs[(results.runs.state == DONE) & ~results.runs.ok]
     for status, ended in early.groupby("status", sort=False):
-        by_label = [
-            f"{label} ({n})" for label, n in ended.groupby("label", sort=False).size().items()
-        ]
+        sizes = ended.groupby("label", sort=False).size()
         how = _ENDINGS.get(str(status), f"ended early ({status})")
-        lines.append(f"{count(len(ended), 'run')} {how}: {_listed(by_label)}.")
-    lost = int((results.lost.state != NOT_RUN).sum())
-    if lost:
-        verb = "is" if lost == 1 else "are"
+        names = _listed([f"{label} ({n})" for label, n in sizes.items()])
+        lines.append(f"{count(len(ended), 'run')} {how}: {names}.")
+    if lost := int((results.lost.state != NOT_RUN).sum()):
         lines.append(
-            f"{count(lost, 'run')} gave no result by a fault of the software or the machine, and {verb} "
-            "counted as failed."
+            f"{count(lost, 'run')} gave no result by a fault of the software or the machine, and "
+            f"{'is' if lost == 1 else 'are'} counted as failed."
         )
     return lines
 
 
-def _over_scenarios(results: Results, cells: pd.DataFrame) -> list[str]:
-    """Best and worst of the worst cases."""
-    if len(cells) < 2:
-        return []
-    errors = results.errors.mask(results.pending).loc[cells.index]
-    asked = [
-        label for label in results.labels if results.errors[label].loc[cells.index].notna().any()
-    ]
+def _over_scenarios(results: Results, errors: pd.DataFrame, cells: pd.DataFrame) -> list[str]:
+    """Best and worst of the worst cases of a group."""
+    asked = list(errors.columns[results.errors.loc[cells.index].notna().any()])
     # one that did not run everywhere has no worst yet
     whole = [label for label in asked if errors[label].notna().all()]
-    if len(whole) < 2:
+    if len(cells) < 2 or len(whole) < 2:
         return []
-    worst = {label: float(errors[label].max()) for label in whole}
-    notes = {label: f", {cells.variant[errors[label].idxmax()]}" for label in whole}
-    group = cells.group.iloc[0]
-    if any(math.isfinite(value) for value in worst.values()):
+    group, worst = cells.group.iloc[0], dict(errors[whole].max())
+    if any(map(math.isfinite, worst.values())):
+        notes = {label: f", {cells.variant[errors[label].idxmax()]}" for label in whole}
         return [f"{group}, worst of {len(cells)} scenarios: {_extremes(worst, notes)}."]
     who = "no controller completes every scenario"
     if len(whole) < len(asked):
         who = f"of {listing(whole)}, which alone ran in every cell, none completes all"
     return [f"{group}: {who}."]
-
-
-def _errors(results: Results, cell: int) -> dict[str, float]:
-    found = results.errors.mask(results.pending).loc[cell].dropna()
-    return {str(label): float(value) for label, value in found.items()}
 
 
 def _extremes(errors: Mapping[str, float], notes: Mapping[str, str] | None = None) -> str:
@@ -288,10 +269,9 @@ def _extremes(errors: Mapping[str, float], notes: Mapping[str, str] | None = Non
     if finite:
         low, high = min(finite.values()), max(finite.values())
         parts.append(f"smallest steady |e^e| with {best(low)}")
-        if len(finite) > 1 and number(high) != number(low):
+        if number(high) != number(low):
             parts[-1] += f", largest with {best(high)}"
-    lost = [label for label in errors if label not in finite]
-    if lost:
+    if lost := [label for label in errors if label not in finite]:
         parts.append(f"{listing(lost)} {'does' if len(lost) == 1 else 'do'} not finish")
     return "; ".join(parts)
 
@@ -302,17 +282,14 @@ def _price(results: Results, cell: int) -> list[str]:
     won = runs[(runs.seed == runs.seed.iloc[0]) & runs.succeeded]
     parts = []
     for name, what in _PRICES.items():
-        values = results.metrics.get(name, pd.Series(math.nan, results.metrics.index)).loc[
-            won.index
-        ]
+        values = results.metric(name).loc[won.index]
         if len(won) < 2 or not np.isfinite(values.min()):
             continue
         unit = _SPACE + "µs" if name == "compute_time_median" else ""
-        ends = [
+        (low, a), (high, b) = (
             (metric_value(name, values[i]) + unit, won.label[i])
             for i in (values.idxmin(), values.idxmax())
-        ]
-        (low, a), (high, b) = ends
+        )
         parts.append(
             f"{what} {low} for all" if low == high else f"{what} {low} ({a}) to {high} ({b})"
         )
@@ -321,86 +298,7 @@ def _price(results: Results, cell: int) -> list[str]:
 
 # Limitations ---------------------------------------------------------------------------------------
 
-_IMPLICIT = (
-    "The implicit form of the sliding laws is this framework's, not the published one. Inside the "
-    "unit ball its unit vector is the equivalent control: a linear solve at every tick with J and "
-    "the nominal inertia M, bounded by the ball. The published continuous law needs only the "
-    "transposes of J and B and bounds of norms. So the figures show what the published law does "
-    "when it is sampled this way, and not that transposes and bounds are enough for a sampled "
-    "controller."
-)
-_EXPLICIT = (
-    "The explicit discretisation is the law as printed, sampled at the same period. It chatters or "
-    "diverges, and is shown for comparison: it is not a fair picture of the continuous law."
-)
-_ZERO_BETA = (
-    "The sliding laws' gains claim that there are no disturbances (beta_0 = beta_1 = 0), and "
-    "their constants w_i are the rough values published for the youBot, on other robots too. "
-    "Runs under disturbances or with other masses are outside of what these bounds cover."
-)
-_LAWS = (
-    "{} are computed-torque laws without integral action, observer or adaptation: they have nothing "
-    "against wrong masses by design."
-)
 _PLAIN = ("pseudo-inverse", "damped-least-squares", "extended-jacobian")
-_UNTUNED = (
-    "No controller was tuned for this comparison. The baselines' gains are fixed, and so are "
-    "the sliding laws', but the effort that went into choosing them was not equal. The comparison is "
-    "one of these laws with these gains, not of the best that each can do. It matters: in the study of "
-    "docs/tuning.md most of the baselines' error with wrong masses (scenario heavier) came from "
-    "their default gains, 0.4 to 0.5 m that tuned ones reduced to about 2 mm where they held. "
-)
-_PARTLY_TUNED = (
-    "Tuned gains are the best of a number of trials, on scenarios that are not the reported ones; more "
-    "trials, other ranges or another objective may give others. What is not tuned has its default or "
-    "given gains: compare tuned with tuned. "
-)
-_EXACT = (
-    "Where a scenario does not say otherwise, the acceleration z' is measured without error, as if from "
-    "a perfect sensor, which a real robot does not have. {} use it; {}. What part of a difference "
-    "comes from it, docs/suites.md says for the scenario heavier."
-)
-_IDEAL = (
-    "All of this is simulation. But for what a scenario changes, measurements are exact, motors give "
-    "the torque that they are told, at once and without limit, and joints have no friction; links and "
-    "tyres are rigid throughout. Errors of 1e-9 m are statements on the law and on the simulation, "
-    "not on any robot."
-)
-_LIMITS = (
-    "Unless a scenario says otherwise, limits of joints, speeds and torques are not enforced, and "
-    "nothing looks for collisions: a run may succeed by a motion that the robot could not make. Runs "
-    "beyond the robot's own limits are counted and marked."
-)
-_CELLS = (
-    "Cells are chosen, not sampled from any population of robots, tasks and faults, and the magnitudes "
-    "of the scenarios are chosen too: other ones would move every average and may change ranks. Each "
-    "cell counts the same, so a scenario family with more magnitudes, and a scenario at more sampling "
-    "periods, weighs more; look at the families one by one."
-)
-_WHEELS = (
-    "Wheels roll without slip on a plane. The reduced model satisfies A(x) x' = 0 by construction, so "
-    "that a small constraint residual is no evidence of grip."
-)
-_YOUBOT = (
-    "The youBot's masses and kinematics are the published ones; inertias that were not printed are "
-    "partly approximate. Expect the published picture, not its digits."
-)
-_AUTO = (
-    'Where a gain is "auto" (a, A), it is a bound found by sampling configurations near the task, '
-    "with a margin: likely, but not proven."
-)
-_START = (
-    "Each robot starts from one configuration, at rest, and follows one path: nothing here says "
-    "how large the set of good starts is."
-)
-_PLACED = (
-    "Starts and circles at placements are drawn near the robot's rest, where the motion can be followed "
-    "without a singularity: nothing here says how large the set of good starts is."
-)
-_SEEDS = (
-    "Several seeds of a cell are not independent evidence: they count once, by the worst of them. "
-    "Robots on the same platform count as one. "
-)
 _UNITS = {
     "robot": "Intervals, ranks and p-values are of platforms, with all of their cells: they say how "
     "the results would vary with robots like these.",
@@ -409,39 +307,39 @@ _UNITS = {
     "sure where a suite has many that are alike. They say how the results would vary with cells like "
     "these, not with other robots.",
 }
-_STEADY = (
-    "The steady part is the last 30 % of a run. A law that is still converging there is judged "
-    "by where it has come to."
-)
 
 
 def limitations_of(results: Results) -> list[str]:
     """List the limitations of a report on these runs, the weightiest first."""
     runs = results.runs[results.runs.state == DONE]
-    sliding = runs[runs.settings.map(lambda settings: "discretization" in settings).astype(bool)]
-    settings = list(sliding.settings)
-    implicit = any(own["discretization"] == "implicit" for own in settings)
-    found = [_IMPLICIT] if implicit else []
-    found += [_EXPLICIT] if runs.explicit.any() else []
-    plain = list(dict.fromkeys(runs.label[runs.law.isin(_PLAIN)]))
-    found.append(
-        (_PARTLY_TUNED if results.tuned else _UNTUNED)
-        + (_LAWS.format(listing(plain)) if plain else "")
-    )
-    with_z_dot = runs.law.map(lambda law: "z'" in (information_of(law) or ()))
-    using, others = (list(dict.fromkeys(runs.label[w])) for w in (with_z_dot, ~with_z_dot))
-    if using and (runs.acceleration == "exact").any():
-        rest = f"{listing(others)} do not" if others else "all of them have it"
-        found.append(_EXACT.format(listing(using), rest))
-    found += [_ZERO_BETA] if any(own.get("beta_0") == 0.0 for own in settings) else []
-    found += [_IDEAL, _LIMITS, _WHEELS]
-    found += [_YOUBOT] if (runs.robot == "youbot").any() else []
-    found += [_AUTO] if settings else []
-    if runs.seed.nunique() == 1:
-        found.append(
-            f"One seed ({runs.seed.iloc[0]}): where a scenario has randomness, this is one draw of it, "
-            "and there is no statement on spread."
+
+    def labels(which: pd.Series) -> list[str]:
+        return list(dict.fromkeys(runs.label[which]))
+
+    settings = [own for own in runs.settings if "discretization" in own]
+    plain = labels(runs.law.isin(_PLAIN))
+    with_z_dot = runs.law.map(lambda law: "z'" in (information_of(law) or ())).astype(bool)
+    using, others = labels(with_z_dot), labels(~with_z_dot)
+    lines = (
+        environment()
+        .get_template("limitations.j2")
+        .render(
+            implicit=any(own["discretization"] == "implicit" for own in settings),
+            explicit=runs.explicit.any(),
+            tuned=results.tuned,
+            plain=plain
+            and f"{listing(plain)} are computed-torque laws without integral action, observer or "
+            "adaptation: they have nothing against wrong masses by design.",
+            exact=using and (runs.acceleration == "exact").any(),
+            using=listing(using),
+            others=f"{listing(others)} do not" if others else "all of them have it",
+            zero_beta=any(own.get("beta_0") == 0.0 for own in settings),
+            youbot=(runs.robot == "youbot").any(),
+            sliding=settings,
+            one_seed=runs.seed.iloc[0] if runs.seed.nunique() == 1 else None,
+            placed=runs.placement.any(),
+            units=_UNITS[unit_of(results, results.cells.index)],
         )
-    start = _PLACED if runs.placement.any() else _START
-    seeds = _SEEDS + _UNITS[unit_of(results, results.cells.index)]
-    return [*found[:1], _CELLS, *found[1:], start, seeds, _STEADY]
+    )
+    cells, first, *rest = lines.splitlines()
+    return [first, cells, *rest]

@@ -1,4 +1,4 @@
-"""Format of numbers and texts in a report."""
+"""Format of numbers and texts in a report, and the templates that they go into."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ import math
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
+from urllib.parse import quote
 
+import jinja2
 from markupsafe import Markup, escape
 
 from mobman.benchmark.statistics import Interval
 from mobman.display import printable
+from mobman.figures import files
 
 UNDEFINED = "–"
 NEVER = "never"
@@ -160,3 +164,26 @@ def markdown_text(text: str) -> str:
 def slug(text: str) -> str:
     """Write text for anchors and file names."""
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "x"
+
+
+@cache
+def environment() -> jinja2.Environment:
+    """Make the environment of the templates; those of HTML escape what they are given."""
+    found = jinja2.Environment(
+        loader=jinja2.PackageLoader("mobman.benchmark.report", "templates"),
+        autoescape=jinja2.select_autoescape(enabled_extensions=("html.j2",)),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    found.filters |= {
+        "symbols": html_text,
+        "md": markdown_text,
+        "slug": slug,
+        "element": files.element,
+        "address": quote,
+        "plain": lambda text: escape(printable(str(text))),
+    }
+    found.globals |= {"scripts": files.scripts, "policy": files.POLICY, "chart_help": files.HELP}
+    return found

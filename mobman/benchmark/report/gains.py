@@ -10,17 +10,13 @@ import pandas as pd
 
 from mobman.benchmark.report.data import DONE, Results
 from mobman.benchmark.report.format import UNDEFINED, count, listing, number, setting
-from mobman.benchmark.report.tables import Columns, Entry, Table, label_entry, table_by, table_of
+from mobman.benchmark.report.tables import Entry, Table, label_entry, table_of
 from mobman.benchmark.suite_tables import TunedFrom
 from mobman.controllers.gains import as_settings
 from mobman.controllers.protocol import controllers
 from mobman.errors import UnknownNameError
 
-_AUTO = "auto"
-_ORIGINS = {
-    "given": "Given",
-    _AUTO: "Found automatically",
-}
+_ORIGINS = {"given": "Given", "auto": "Found automatically"}
 
 
 class ControllerSettings(NamedTuple):
@@ -29,20 +25,22 @@ class ControllerSettings(NamedTuple):
     label: str
     law: str
     remark: str
-    table: Table | None
-    """None for a controller that does not report its settings."""
+    table: Table | None  # None for a controller that does not report its settings
 
 
 def settings_of(results: Results) -> list[ControllerSettings]:
     """List the settings of every label that has a run."""
     done = results.runs[results.runs.state == DONE]
+    groups = done.cell.map(results.cells.group)
     found = []
     for label in results.labels:
-        own = done[done.label == label]
-        if len(own):
-            item = _settings(
-                label, {g: own[own.cell.map(results.cells.group) == g] for g in results.groups}
-            )
+        own = {
+            g: runs
+            for g in results.groups
+            if len(runs := done[(done.label == label) & (groups == g)])
+        }
+        if own:
+            item = _settings(label, own)
             if tuned := results.tuned.get(label):
                 origin = f"Tuned from {tuned.label} in {count(tuned.trials, 'trial')}."
                 item = item._replace(remark=f"{origin} {item.remark}")
@@ -51,54 +49,50 @@ def settings_of(results: Results) -> list[ControllerSettings]:
 
 
 def _settings(label: str, groups: Mapping[str, pd.DataFrame]) -> ControllerSettings:
-    columns = {name: runs for name, runs in groups.items() if len(runs)}
-    runs = pd.concat(list(columns.values()))
-    law = str(runs.law.iloc[0])
-    names = list(dict.fromkeys(name for settings in runs.settings for name in settings))
+    law = str(next(iter(groups.values())).law.iloc[0])
+    names = dict.fromkeys(name for runs in groups.values() for own in runs.settings for name in own)
     if not names:
         return ControllerSettings(label, law, "It does not report its settings.", None)
     fields, defaults = _declared(law)
     rows, special = [], []
     for name in names:
         row: list[Entry | str] = [name]
-        for group, own in columns.items():
+        for group, own in groups.items():
             values = listing(list(dict.fromkeys(setting(s.get(name)) for s in own.settings)))
             origin = _origin(name, own.iloc[0], defaults)
             row.append(Entry(values, "best" if origin == "given" else "", unit=origin))
-            if origin in _ORIGINS:
-                special.append((origin, f"{name} = {values}", group))
+            special.append((origin, f"{name} = {values}", group))
         default = setting(defaults[name]) if name in defaults else UNDEFINED
         rows.append([*row, Entry(default, "faint"), *fields.get(name, ("", ""))])
-    heads = [*map(Entry, columns), Entry("default"), Entry("unit", number=False)]
-    heads.append(Entry("meaning", number=False))
+    heads = [*map(Entry, groups), Entry("default")]
+    heads += [Entry(name, number=False) for name in ("unit", "meaning")]
     table = table_of(f"{label}: settings in force", "gain", rows, *heads)
-    return ControllerSettings(label, law, _remark(special, list(columns)), table)
+    return ControllerSettings(label, law, _remark(special, list(groups)), table)
 
 
 def _origin(name: str, run: Any, defaults: dict[str, Any]) -> str:
     """Find the origin of a setting: "default", "given" or "auto"; empty if that is not known."""
     gains = {key.replace("_", ""): value for key, value in run.gains.items()}
-    value = gains.get(name.replace("_", ""), defaults.get(name))
-    if value == _AUTO:
-        return _AUTO
+    if gains.get(name.replace("_", ""), defaults.get(name)) == "auto":
+        return "auto"
     if name.replace("_", "") in gains:
         return "given"
     return "default" if name in defaults else ""
 
 
-def _remark(special: Sequence[tuple[str, str, str]], groups: Sequence[str]) -> str:
+def _remark(origins: Sequence[tuple[str, str, str]], groups: Sequence[str]) -> str:
     """In words: which settings are not defaults, and what "auto" became."""
     sentences = []
     for origin, words in _ORIGINS.items():
         where: dict[str, list[str]] = {}
         for group in groups:
-            clause = ", ".join(text for kind, text, g in special if (kind, g) == (origin, group))
+            clause = ", ".join(text for kind, text, g in origins if (kind, g) == (origin, group))
             if clause:
                 where.setdefault(clause, []).append(group)
         for clause, found in where.items():
             place = "" if len(found) == len(groups) else f" for {listing(found)}"
             sentences.append(f"{words}{place}: {clause}.")
-    rest = "All others are the law's defaults." if special else "All are the law's defaults."
+    rest = "All others are the law's defaults." if sentences else "All are the law's defaults."
     return " ".join([*sentences, rest])
 
 
@@ -118,24 +112,22 @@ def _declared(law: str) -> tuple[dict[str, tuple[str, str]], dict[str, Any]]:
 
 def tuning_table(tuned: Mapping[str, TunedFrom]) -> Table | None:
     """Show the budget of every tuned label, and what it brought; None if none was tuned."""
-
-    def ranges(item: TunedFrom) -> str:
-        return ", ".join(
-            f"{k} {setting(v.low)} to {setting(v.high)}" for k, v in item.space.items()
+    rows = [
+        (
+            label_entry(label),
+            item.label,
+            str(item.trials),
+            str(item.trial),
+            item.objective,
+            number(item.score_default),
+            number(item.score),
+            ", ".join(f"{k} {setting(v.low)} to {setting(v.high)}" for k, v in item.space.items()),
         )
-
-    columns: Columns = [
-        ("tuned", lambda item: label_entry(item[0])),
-        ("gains of", lambda item: item[1].label),
-        ("#trials", lambda item: str(item[1].trials)),
-        ("#best trial", lambda item: str(item[1].trial)),
-        ("objective", lambda item: item[1].objective),
-        ("#score before", lambda item: number(item[1].score_default)),
-        ("#score after", lambda item: number(item[1].score)),
-        ("ranges", lambda item: ranges(item[1])),
+        for label, item in tuned.items()
     ]
+    columns = "tuned;gains of;#trials;#best trial;objective;#score before;#score after;ranges"
     caption = "Budget of tuning; trial 0 is the gains as they were"
-    return table_by(caption, tuned.items(), columns) if tuned else None
+    return table_of(caption, columns, rows) if rows else None
 
 
 def unequal_budgets(tuned: Mapping[str, TunedFrom]) -> str:

@@ -17,38 +17,31 @@ from mobman.errors import MobmanError
 from mobman.figures import files
 from mobman.files import write_all
 
-_SYMBOLS = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "$": r"\$",
-    "#": r"\#",
-    "_": r"\_",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "|": r"\textbar{}",
-    '"': r"\textquotedbl{}",
-    "`": r"\textasciigrave{}",
-    # behind \\ these would be its argument
-    "[": "{[}",
-    "]": "{]}",
-    "*": "{*}",
-    "–": "--",
-    "−": "$-$",
-    "∞": r"$\infty$",
-    "×": r"$\times$",
-    "·": r"$\cdot$",
-    "²": r"\textsuperscript{2}",
-    "µ": r"\textmu{}",
-    "→": r"$\to$",
-    "’": "'",
-    "…": r"\ldots{}",
-    "\u00a0": "~",
-}
+_SYMBOLS = str.maketrans(
+    {
+        **{letter: f"\\{letter}" for letter in "&%$#_{}"},
+        **{letter: f"{{{letter}}}" for letter in "[]*"},  # behind \\ these would be its argument
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+        "|": r"\textbar{}",
+        '"': r"\textquotedbl{}",
+        "`": r"\textasciigrave{}",
+        "–": "--",
+        "−": "$-$",
+        "∞": r"$\infty$",
+        "×": r"$\times$",
+        "·": r"$\cdot$",
+        "²": r"\textsuperscript{2}",
+        "µ": r"\textmu{}",
+        "→": r"$\to$",
+        "’": "'",
+        "…": r"\ldots{}",
+        "\u00a0": "~",
+    }
+)
 _PAPERS = {
     "|e^e|": r"$\lVert e^e\rVert$",
     "|e^a|": r"$\lVert e^a\rVert$",
@@ -76,12 +69,8 @@ def write_latex(
 ) -> list[Path]:
     """Write tables (booktabs), figures (PDF) and ``example.tex``, which includes all of them.
 
-    Args:
-        folder: Where they go; it is made if need be.
-        results: The runs.
-        patterns: The first cell that one of them fits is the one whose errors and torques are drawn;
-            by default the paper's, or else the first.
-        how: Column, font and its size.
+    The errors and torques are those of the first cell that one of the patterns fits; by default of the
+    paper's, or else of the first.
 
     Raises:
         MobmanError: If they cannot be written.
@@ -89,12 +78,9 @@ def write_latex(
     """
     how = how or files.Print()
     contents, figures = _content(results, patterns)
-    texts = {
-        f"{name}.tex": latex_table(table, winners=name in _WITH_INTERVALS)
-        for name, table in contents.items()
-    }
-    texts["example.tex"] = _example(results, contents, figures, how)
-    found = {folder / n: text.encode("utf-8", "backslashreplace") for n, text in texts.items()}
+    texts = {name: latex_table(table, name in _RANKED) for name, table in contents.items()}
+    texts["example"] = _example(results, contents, figures, how)
+    found = {folder / f"{n}.tex": t.encode("utf-8", "backslashreplace") for n, t in texts.items()}
     for name, figure in figures.items():
         found[folder / f"{name}.pdf"] = files.printed(figure.charts, how, across=figure.across)
     try:
@@ -104,18 +90,14 @@ def write_latex(
     return list(found)
 
 
-_WITH_INTERVALS = ("leaderboard", "families")
+_RANKED = ("leaderboard", "families")
 """Tables whose winners are bold: of one cell there is no interval that would allow it."""
 
 
-def latex_table(table: Table, *, winners: bool = True) -> str:
-    """A table as a ``tabular`` with booktabs' rules, and nothing around it.
+def latex_table(table: Table, winners: bool = True) -> str:
+    """A ``tabular`` with booktabs' rules, and nothing around it; without winners, none is bold.
 
     Columns of numbers are right-aligned, numbers siunitx's.
-
-    Args:
-        table: The table.
-        winners: False for no bold entry.
     """
     columns = "".join("r" if item.number else "l" for item in table.columns)
     lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule"]
@@ -134,37 +116,25 @@ def escape(text: str) -> str:
     siunitx's."""
     if between := _RANGE.fullmatch(text):
         return rf"\numrange{{{between[1]}}}{{{between[2]}}}"
-    parts = re.split(
-        "(" + "|".join(map(re.escape, _PAPERS)) + ")", printable(" ".join(text.split()))
-    )
-    return "".join(_PAPERS.get(part) or _powers(part) for part in parts)
+    symbols = "(" + "|".join(map(re.escape, _PAPERS)) + ")"
+    parts = re.split(symbols, printable(" ".join(text.split())))
+    return "".join(_PAPERS.get(part) or _powers(part.translate(_SYMBOLS)) for part in parts)
 
 
 def _powers(text: str) -> str:
-    found, end = [], 0
-    for number in _EXPONENT.finditer(text):
-        found.append(_plain(text[end : number.start()]))
-        found.append(rf"\num{{{number[1]}e{int(number[2])}}}")
-        end = number.end()
-    return "".join([*found, _plain(text[end:])])
-
-
-def _plain(text: str) -> str:
-    return "".join(_SYMBOLS.get(letter, letter) for letter in text)
+    return _EXPONENT.sub(lambda found: rf"\num{{{found[1]}e{int(found[2])}}}", text)
 
 
 def _row(row: Sequence[Entry], winners: bool) -> str:
-    return " & ".join(_entry(item, winners) for item in row) + r" \\"
-
-
-def _entry(item: Entry, winners: bool) -> str:
-    text = escape(item.text)
-    if item.unit:
-        text = f"{text} ({escape(item.unit)})"
-    if winners and item.mark == "best" and text:
-        # \boldmath: \textbf leaves mathematics as it is
-        return rf"{{\boldmath\textbf{{{text}}}}}"
-    return text
+    texts = []
+    for item in row:
+        text = escape(item.text)
+        if item.unit:
+            text = f"{text} ({escape(item.unit)})"
+        if winners and item.mark == "best" and text:
+            text = rf"{{\boldmath\textbf{{{text}}}}}"  # \textbf leaves mathematics as it is
+        texts.append(text)
+    return " & ".join(texts) + r" \\"
 
 
 def _content(
@@ -225,10 +195,10 @@ def _where(results: Results) -> str:
     """Name the robots and tasks; of many, their numbers."""
     if len(results.groups) <= _MOST_NAMES:
         return " and ".join(group.replace(", ", " at the task ", 1) for group in results.groups)
-    robots, tasks = (list(results.cells[name].unique()) for name in ("robot", "task"))
-    return (
-        f"{listing(robots) if len(robots) <= _MOST_NAMES else f'{len(robots)} robots'} at "
-        f"{listing(tasks) if len(tasks) <= _MOST_NAMES else f'{len(tasks)} tasks'}"
+    found = {noun: list(results.cells[noun].unique()) for noun in ("robot", "task")}
+    return " at ".join(
+        listing(names) if len(names) <= _MOST_NAMES else f"{len(names)} {noun}s"
+        for noun, names in found.items()
     )
 
 

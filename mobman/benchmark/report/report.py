@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache
 from pathlib import Path
-from typing import Any
-from urllib.parse import quote
-
-import jinja2
-from markupsafe import escape
+from typing import Any, NamedTuple
 
 from mobman.benchmark.report import charts, findings, format, gains, tables
 from mobman.benchmark.report.data import DONE, NOT_RUN, Results, WriteReplay, csv_of, read_results
 from mobman.benchmark.report.standings import EFFORTS, board_of, prices_of, select
 from mobman.benchmark.store import Store
 from mobman.controllers.protocol import INFORMATION
-from mobman.display import printable
 from mobman.errors import MobmanError
 from mobman.figures import files
 from mobman.figures.looks import Look
@@ -36,8 +29,7 @@ _MOST_ENDINGS = 2_000  # rows
 _MOST_ROWS = 12  # of a table in Markdown
 
 
-@dataclass(frozen=True)
-class ReportFiles:
+class ReportFiles(NamedTuple):
     """Paths of a report, and its first table."""
 
     html: Path
@@ -96,37 +88,29 @@ def write_report(folder: Path, results: Results, cells: Sequence[str] = ()) -> R
     All is made before anything is written, and each file is there whole or not at all: a report that
     fails leaves the one before it as it was.
 
-    Args:
-        folder: Where the report goes; it is made if need be.
-        results: What the report is of.
-        cells: Names of the cells to draw; see :func:`report_on`.
-
-    Raises:
-        MobmanError: If it cannot be written.
-        UsageError: If there is no such cell.
+    For arguments and errors see :func:`report_on`.
     """
     content = _content(results, cells)
     shown = [content["leaderboard_figure"], *content["paper_figures"][:1]]
     pictures = {figure.name: figure for figure in shown if figure is not None}
-    environment = _environment()
+    environment = format.environment()
     html = environment.get_template("report.html.j2").render(content)
     markdown = environment.get_template("report.md.j2").render(
         content, pictures=list(pictures.values())
     )
-    html_file, markdown_file, csv_file = (folder / f"report.{s}" for s in ("html", "md", "csv"))
-    found = ReportFiles(html_file, markdown_file, csv_file, content["leaderboard"])
+    paths = [folder / f"report.{suffix}" for suffix in ("html", "md", "csv")]
     contents = {
         folder / _FIGURES / f"{format.slug(name)}.svg": files.drawn(files.beside(f.charts), "svg")
         for name, f in pictures.items()
     }
-    texts = {found.csv: csv_of(results), found.markdown: markdown, found.html: html}
-    contents |= {p: text.encode("utf-8", "backslashreplace") for p, text in texts.items()}
+    for path, text in zip(paths, (html, markdown, csv_of(results)), strict=True):
+        contents[path] = text.encode("utf-8", "backslashreplace")
     check_within(folder / _FIGURES, folder)
     try:
         write_all(contents)
     except MobmanError as error:
         raise MobmanError(f"{error}; another folder can be given with -o") from error
-    return found
+    return ReportFiles(paths[0], paths[1], paths[2], content["leaderboard"])
 
 
 def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
@@ -135,24 +119,27 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
     selection = select(results, patterns)
     runs, cells = results.runs, results.cells
     compared = board.compares
-    prices = {name: prices_of(results, board, name) for name in EFFORTS} if compared else {}
     paper = None if patterns else charts.papers_cell(results)
     drawn = {found.cell: found for found in _drawn(results, looks, selection.cells, paper)}
     metrics = _metrics_tables(results, [*drawn])
     replays = tables.replays_table(results, _MOST_REPLAYS)
-    endings, losses = tables.endings_table(results), tables.losses_table(results)
     heat = charts.heat_map(results, board, "case", "scenarios") if compared else (None, 0)
+    several = compared and cells.group.loc[board.cells].nunique() > 1
     created = sorted({moment for moment in runs.created if moment})
     versions, warning = tables.versions_table(results)
     summary = findings.summary_lines(results, board)
-    several = compared and len(board.cells) > 1
-    robots = results.cells.group.loc[board.cells].nunique()
+    sweeps = {
+        "Sampling periods": charts.periods_figure(results, looks),
+        "Sensitivity": charts.sensitivity_figure(results, looks),
+    }
     return {
         "results": results,
         "board": board,
         "looks": looks,
-        "compared": compared,
-        "groups": results.groups,
+        # for what stands in one place of one template
+        "charts": charts,
+        "tables": tables,
+        "gains": gains,
         # the head
         "asked": len(runs),
         "durations": format.span(list(cells.duration), 1.0, "s") if len(cells) else "",
@@ -166,22 +153,16 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
         "pending": int((runs.state == NOT_RUN).sum()),
         "lost": sum(standing.lost for standing in board.ranked),
         # over all cells
+        "prices": {name: prices_of(results, board, name) for name in EFFORTS if compared},
         "leaderboard": tables.leaderboard_table(board) if len(board.cells) else None,
         "information": tables.information_table(results, board) if len(board.cells) else None,
         "information_of": INFORMATION,
         "leaderboard_figure": charts.leaderboard_figure(board, looks) if compared else None,
-        "families": tables.families_table(board, results) if board.families else None,
-        "pairs": tables.pairs_table(board.pairs) if board.pairs else None,
-        "prices": tables.prices_table(prices) if prices else None,
         "tuned": tables.tuned_table(results, board) if compared else None,
-        "scenarios": heat[0] if several else None,
+        "scenarios": heat[0] if len(board.cells) > 1 else None,
         "scenarios_left_out": heat[1],
-        "robots": charts.heat_map(results, board, "group", "robots")[0]
-        if compared and robots > 1
-        else None,
-        "sweeps": _sweeps(results, looks),
-        "profiles": charts.profiles_figure(results, board, looks) if compared else None,
-        "pareto": charts.pareto_figure(prices, looks) if prices else None,
+        "robots": charts.heat_map(results, board, "group", "robots")[0] if several else None,
+        "sweeps": {title: figure for title, figure in sweeps.items() if figure is not None},
         # cell by cell
         "steady": f"{100 * STEADY:g} %",
         "steady_rest": f"{100 * (1 - STEADY):g} %",
@@ -198,33 +179,19 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
         "replays": replays,
         "all_replays": len(replays.rows) == int((runs.command != "").sum()),
         # what failed, and what made the results
-        "endings": endings,
-        "losses": losses,
+        "endings": tables.endings_table(results),
+        "losses": tables.losses_table(results),
         "most_endings": _MOST_ENDINGS,
         "endings_by_reason": tables.endings_by_reason(results),
         "saturation": tables.saturation_table(results),
         "unused": tables.unused_table(results),
-        "settings": gains.settings_of(results),
-        "tuning": gains.tuning_table(results.tuned),
         "budgets": gains.unequal_budgets(results.tuned),
         "versions": versions,
         "warning": warning,
-        "machines": tables.machines_table(results),
-        "machine": tables.machine_table(),
-        "timing": tables.timing_table(results),
         "limitations": findings.limitations_of(results),
-        "definitions": tables.definitions_table(),
         "markdown_rows": _MOST_ROWS,
         "figures": _FIGURES,
     }
-
-
-def _sweeps(results: Results, looks: dict[str, Look]) -> dict[str, charts.Figure]:
-    found = {
-        "Sampling periods": charts.periods_figure(results, looks),
-        "Sensitivity": charts.sensitivity_figure(results, looks),
-    }
-    return {title: figure for title, figure in found.items() if figure is not None}
 
 
 def _overviews(results: Results, looks: dict[str, Look]) -> dict[str, charts.Figure]:
@@ -260,29 +227,3 @@ def _metrics_tables(results: Results, drawn: Sequence[int]) -> dict[int, tables.
         room = sizes.loc[list(drawn)].cumsum() <= _MOST_METRICS
         chosen = list(room.index[room])
     return {cell: tables.metrics_table(results, cell) for cell in chosen}
-
-
-# Rendering -----------------------------------------------------------------------------------------
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("mobman.benchmark.report", "templates"),
-        autoescape=jinja2.select_autoescape(enabled_extensions=("html.j2",)),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    filters = {
-        "symbols": format.html_text,
-        "md": format.markdown_text,
-        "slug": format.slug,
-        "element": files.element,
-        "address": quote,
-        "plain": lambda text: escape(printable(str(text))),
-    }
-    environment.filters.update(filters)
-    environment.globals.update(scripts=files.scripts, policy=files.POLICY, chart_help=files.HELP)
-    return environment

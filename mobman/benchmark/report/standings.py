@@ -11,19 +11,9 @@ from fnmatch import fnmatchcase
 import numpy as np
 import pandas as pd
 
+from mobman.benchmark import statistics
 from mobman.benchmark.report.data import DONE, Results
-from mobman.benchmark.statistics import (
-    Difference,
-    Interval,
-    SuccessComparison,
-    adjust,
-    compare_all,
-    compare_successes,
-    interquartile_mean,
-    median,
-    proportion,
-    ranking,
-)
+from mobman.benchmark.statistics import Interval, proportion
 from mobman.errors import UsageError
 
 EFFORTS = {
@@ -33,14 +23,11 @@ EFFORTS = {
 """The price of precision: metrics, and their names."""
 FEW_BASES = 10
 """With so many platforms or more these are resampled, with all of their cells; with fewer, cells."""
-ROUNDING = 1e-9
-"""Errors below it (m) are rounding, whichever law they are of."""
+ROUNDING = 1e-9  # errors below it (m) are rounding, whichever law they are of
 _TWINS = "tsm", "tsm-inverse-actuation"
 """Laws that are one inside the unit ball, where v' is what makes S+ = 0 whatever multiplies u."""
-MOST = 400
-"""Cells that are all drawn; of more, a selection."""
-EACH = 12
-"""Cells of each kind in a selection."""
+MOST = 400  # cells that are all drawn; of more, a selection
+EACH = 12  # cells of each kind in a selection
 
 
 @dataclass(frozen=True)
@@ -52,21 +39,19 @@ class Standing:
     """Geometric interquartile mean of the cells' errors (m); inf where failures are in it."""
     ranks: tuple[int, int] | None
     """First and last that the cells allow; None if it was not compared."""
-    solved: int
-    """Cells in which all of its runs succeeded."""
+    solved: int  # cells in which all of its runs succeeded
     cells: int
-    rate: Interval
-    """Share of solved cells, with Wilson's interval."""
-    asked: int
-    """Runs."""
-    ended: int
-    """Runs that diverged or met a singularity."""
-    lost: int
-    """Runs that were tried and gave no result; they count as failures."""
-    beyond: int
-    """Runs in which the robot went beyond its own limits."""
+    asked: int  # runs
+    ended: int  # runs that diverged or met a singularity
+    lost: int  # runs that were tried and gave no result; they count as failures
+    beyond: int  # runs in which the robot went beyond its own limits
     twins: tuple[str, ...] = ()
     """Controllers that are the same law and have the same errors: they are compared as this one."""
+
+    @property
+    def rate(self) -> Interval:
+        """Share of solved cells, with Wilson's interval."""
+        return proportion(self.solved, self.cells)
 
 
 @dataclass(frozen=True)
@@ -75,12 +60,10 @@ class Pair:
 
     a: str
     b: str
-    error: Difference
-    error_p: float
-    """p-value of the errors, corrected for all pairs."""
-    success: SuccessComparison
-    success_p: float
-    """p-value of the solved cells, corrected for all pairs."""
+    error: statistics.Difference
+    error_p: float  # p-value of the errors, corrected for all pairs
+    success: statistics.SuccessComparison
+    success_p: float  # p-value of the solved cells, corrected for all pairs
 
 
 @dataclass(frozen=True)
@@ -88,12 +71,9 @@ class Price:
     """The effort that a controller's precision takes."""
 
     label: str
-    error: Interval
-    """Geometric interquartile mean (m)."""
-    effort: Interval
-    """Median over cells of the effort over the cell's least."""
-    front: bool
-    """True if no other is as good in both and better in one."""
+    error: Interval  # geometric interquartile mean (m)
+    effort: Interval  # median over cells of the effort over the cell's least
+    front: bool  # True if no other is as good in both and better in one
 
 
 @dataclass(frozen=True)
@@ -105,25 +85,19 @@ class Board:
     which a suite is run.
     """
 
-    labels: list[str]
-    """Controllers that are compared, in the suite's order; of twins the first."""
-    cells: pd.Index
-    """Numbers of the cells that they are compared in."""
-    asked: int
-    """Cells of the suite."""
-    pending: int
-    """Cells that are left out until all of their runs are done."""
+    labels: list[str]  # controllers that are compared, in the suite's order; of twins the first
+    cells: pd.Index  # numbers of the cells that they are compared in
+    asked: int  # cells of the suite
+    pending: int  # cells that are left out until all of their runs are done
     standings: list[Standing]
     """The best first; controllers that were run in too few cells are last, without ranks."""
     families: dict[str, dict[str, Standing]]
     """Standings by scenario family and label, if there are several families."""
-    pairs: list[Pair]
-    """Every two compared controllers, the better placed as a."""
+    pairs: list[Pair]  # every two compared controllers, the better placed as a
     unit: str = "cell"
     """Unit that is resampled: ``"robot"``, with all of its cells, or ``"cell"``; robots on the same
     platform count as one."""
-    units: int = 0
-    """Their number."""
+    units: int = 0  # their number
 
     @property
     def ranked(self) -> list[Standing]:
@@ -160,22 +134,29 @@ def board_of(results: Results) -> Board:
     twins = _twins(results, labels, cells)
     labels = [label for label in labels if not any(label in own for own in twins.values())]
     standings = [
-        replace(standing, twins=tuple(twins.get(standing.label, ())))
-        for standing in _standings(results, labels, cells).values()
+        replace(standing, twins=tuple(twins.get(label, ())))
+        for label, standing in _standings(results, labels, cells).items()
     ]
-    order = [standing.label for standing in standings]
+    pairs = _pairs(results, [s.label for s in standings], cells) if len(standings) > 1 else []
     for label in (label for label in results.labels if label not in chosen):
         own = results.cells.index[asked[label] & ~results.pending[label]]
         if len(own):
-            error = interquartile_mean(results.errors.loc[own, label].tolist(), scale="log10")
+            errors = results.errors.loc[own, label].tolist()
+            error = statistics.interquartile_mean(errors, scale="log10")
             standings.append(_standing(results, label, error, None, own))
     members = results.cells.loc[cells].groupby("family", sort=False).groups
     families = {str(f): _standings(results, labels, own) for f, own in members.items()}
-    pairs = _pairs(results, order, cells) if len(order) > 1 else []
-    several = families if len(families) > 1 else {}
-    pending = int(shared.sum() - tried.sum())
-    whole = unit_of(results, cells), len(set(clusters(results, cells)))
-    return Board(labels, cells, len(results.cells), pending, standings, several, pairs, *whole)
+    return Board(
+        labels,
+        cells,
+        asked=len(results.cells),
+        pending=int(shared.sum() - tried.sum()),
+        standings=standings,
+        families=families if len(families) > 1 else {},
+        pairs=pairs,
+        unit=unit_of(results, cells),
+        units=len(set(clusters(results, cells))),
+    )
 
 
 def unit_of(results: Results, cells: pd.Index) -> str:
@@ -215,7 +196,7 @@ def _standings(results: Results, labels: list[str], cells: pd.Index) -> dict[str
     errors = results.errors.loc[cells, labels].to_numpy().T
     return {
         rank.label: _standing(results, rank.label, rank.score, (rank.first, rank.last), cells)
-        for rank in ranking(labels, errors, clusters=clusters(results, cells))
+        for rank in statistics.ranking(labels, errors, clusters=clusters(results, cells))
     }
 
 
@@ -223,24 +204,23 @@ def _standing(
     results: Results, label: str, error: Interval, ranks: tuple[int, int] | None, cells: pd.Index
 ) -> Standing:
     solved = int(results.solved.loc[cells, label].sum())
-    rate = proportion(solved, len(cells))
     asked, ended, lost, beyond = (
         int(table.loc[cells, label].sum()) for table in results.counts.values()
     )
-    counts = len(cells), rate, asked, ended, lost, beyond
-    return Standing(label, error, ranks, solved, *counts)
+    return Standing(label, error, ranks, solved, len(cells), asked, ended, lost, beyond)
 
 
 def _pairs(results: Results, order: Sequence[str], cells: pd.Index) -> list[Pair]:
     """Every two controllers, in an order."""
     scores = [results.errors.loc[cells, label].to_numpy() for label in order]
     own = clusters(results, cells)
-    errors = compare_all(order, scores, clusters=own)
+    errors = statistics.compare_all(order, scores, clusters=own)
     solved = results.solved.loc[cells]
     successes = [
-        compare_successes(solved[p.a].tolist(), solved[p.b].tolist(), clusters=own) for p in errors
+        statistics.compare_successes(solved[p.a].tolist(), solved[p.b].tolist(), clusters=own)
+        for p in errors
     ]
-    adjusted = adjust([found.p_value for found in successes])
+    adjusted = statistics.adjust([found.p_value for found in successes])
     return [
         Pair(pair.a, pair.b, pair.comparison, pair.adjusted_p, success, float(p))
         for pair, success, p in zip(errors, successes, adjusted, strict=True)
@@ -251,7 +231,10 @@ def prices_of(results: Results, board: Board, metric: str) -> list[Price]:
     """Set precision against an effort; failures cost, and miss, without end."""
     efforts, own = results.effort(metric).loc[board.cells], clusters(results, board.cells)
     found = {
-        s.label: (s.error, median(efforts[s.label].to_numpy(), scale="log10", clusters=own))
+        s.label: (
+            s.error,
+            statistics.median(efforts[s.label].to_numpy(), scale="log10", clusters=own),
+        )
         for s in board.ranked
     }
     points = {label: (e.estimate, p.estimate) for label, (e, p) in found.items()}
@@ -272,22 +255,16 @@ def upper_median(errors: pd.Series) -> float:
 
 @dataclass(frozen=True)
 class Selection:
-    """Cells to draw."""
+    """Cells to draw; where not all are drawn, why each is among them, and the rule of the choice."""
 
     cells: list[int]
     why: dict[int, str] = field(default_factory=dict)
-    """By cell: why it is among them; empty where all are drawn."""
     rule: str = ""
-    """Rule of the choice; empty where all are drawn."""
 
 
 def select(results: Results, patterns: Sequence[str] = (), most: int = MOST) -> Selection:
-    """Choose all cells with runs, or those requested, or a selection.
-
-    Args:
-        results: The runs.
-        patterns: Names of cells, with ``*`` and ``?``; none for all, or a selection of many.
-        most: More cells than so many are not all drawn.
+    """Choose all cells with runs, a selection where they are more than so many, or at most so many whose
+    names fit patterns with ``*`` and ``?``.
 
     Raises:
         UsageError: If a pattern fits no cell.

@@ -16,6 +16,7 @@ import pandas as pd
 from mobman.benchmark.report.data import DONE, NOT_RUN, Results
 from mobman.benchmark.report.format import (
     UNDEFINED,
+    count,
     cut,
     ended,
     instant,
@@ -34,8 +35,7 @@ from mobman.provenance import machine
 from mobman.simulation.limits import ALLOWED
 from mobman.simulation.metrics import list_metrics
 
-SIGNIFICANT = 0.05
-"""Adjusted p below which two controllers are called different."""
+SIGNIFICANT = 0.05  # adjusted p below which two controllers are called different
 ALIKE = 0.05
 """Decades: two errors whose median difference is surely below it are called alike, whatever p is."""
 _SECTIONS = {
@@ -50,7 +50,6 @@ _SECTIONS = {
 }
 _NOT_RANKED = "consistency"  # says something of the integrator, not of the controller
 _MOST_COLUMNS = 8  # scenarios that stand side by side
-_MACHINE = ("processor", "architecture", "system")
 
 
 class Entry(NamedTuple):
@@ -67,10 +66,8 @@ class Entry(NamedTuple):
     """Relative address."""
     unit: str = ""
     """Shown small behind the text."""
-    number: bool = True
-    """True for the heading of a column that is aligned as numbers."""
-    command: bool = False
-    """True for words that a shell takes."""
+    number: bool = True  # True for the heading of a column that is aligned as numbers
+    command: bool = False  # True for words that a shell takes
 
 
 @dataclass
@@ -83,13 +80,9 @@ class Table:
 
 
 def table_of(caption: str, columns: str, rows: Iterable[Iterable[Any]], *more: Entry) -> Table:
-    """Make a table.
+    """Make a table of rows of entries, or of their texts.
 
-    Args:
-        caption: Its caption.
-        columns: Their headings, separated by ``;``; of numbers where one starts with ``#``.
-        rows: Entries, or their texts.
-        more: Headings of more columns.
+    Headings of columns are separated by ``;``; of numbers where one starts with ``#``. More may follow.
     """
     heads = [Entry(name.lstrip("#"), number=name.startswith("#")) for name in columns.split(";")]
     own = [[item if isinstance(item, Entry) else Entry(item) for item in row] for row in rows]
@@ -111,8 +104,9 @@ def label_entry(label: str) -> Entry:
     return Entry(label, label=label)
 
 
-def _best(text: str, best: bool) -> Entry:
-    return Entry(text, "best" if best else "")
+def _marked(text: str, mark: str, marked: object, **more: Any) -> Entry:
+    """Make an entry that has a mark only if it is so."""
+    return Entry(text, mark if marked else "", **more)
 
 
 # Comparison ----------------------------------------------------------------------------------------
@@ -126,15 +120,16 @@ def leaderboard_table(board: Board) -> Table:
         lost = ", ".join(f"{n} {how}" for how, n in words.items() if n)
         return Entry(lost or UNDEFINED, "bad" if lost else "faint")
 
-    unit = f"{board.units} cells" if board.unit == "cell" else f"{board.units} platforms"
+    unit = "cells" if board.unit == "cell" else "platforms"
     caption = (
-        f"Leaderboard over {len(board.cells)} cells (intervals: of {unit}); a failure is an infinite "
-        "error, which the geometric mean of the middle half shows where a quarter of them fail"
+        f"Leaderboard over {len(board.cells)} cells (intervals: of {board.units} {unit}); a failure is "
+        "an infinite error, which the geometric mean of the middle half shows where a quarter of them "
+        "fail"
     )
     columns: Columns = [
         ("rank", lambda s: rank_range(s.ranks)),
         ("controller", _named),
-        ("#steady |e^e| (m)", lambda s: _best(number(s.error.estimate), _leads(s, board.ranked))),
+        ("#steady |e^e| (m)", lambda s: _error(s, board.ranked)),
         ("#95 % interval", lambda s: interval_range(s.error)),
         ("#cells solved", lambda s: f"{s.solved} of {s.cells}"),
         ("#95 % interval", lambda s: percent(s.rate)),
@@ -150,9 +145,18 @@ def leaderboard_table(board: Board) -> Table:
 
 def _named(standing: Standing) -> Entry:
     """Make the entry of a controller, with those that are the same law here."""
-    same = f"the same as {', '.join(standing.twins)}" if standing.twins else ""
-    why = "one law inside the unit ball: their errors are the same in every cell" if same else ""
+    if not standing.twins:
+        return label_entry(standing.label)
+    why = "one law inside the unit ball: their errors are the same in every cell"
+    same = f"the same as {', '.join(standing.twins)}"
     return Entry(standing.label, label=standing.label, detail=why, unit=same)
+
+
+def _error(standing: Standing, others: Iterable[Standing], digits: int = 3) -> Entry:
+    """Make the entry of a mean error: the best if all others are settled to be worse."""
+    rivals = [other for other in others if other.ranks is not None]
+    best = len(rivals) > 1 and [s for s in rivals if s.ranks and s.ranks[0] == 1] == [standing]
+    return _marked(number(standing.error.estimate, digits), "best", best)
 
 
 def information_table(results: Results, board: Board) -> Table:
@@ -166,18 +170,10 @@ def information_table(results: Results, board: Board) -> Table:
         what = "not said" if uses is None else ", ".join(uses) or "none of these"
         rows.append([f"use {what}" if uses else what])
         marks = [UNDEFINED if uses is None else "yes" * (item in uses) for item in INFORMATION]
-        ranked = [s for s in members if s.ranks is not None]
         for s in members:
-            error = _best(number(s.error.estimate), _leads(s, ranked))
-            rows.append([_named(s), *marks, error, f"{s.solved} of {s.cells}"])
+            rows.append([_named(s), *marks, _error(s, members), f"{s.solved} of {s.cells}"])
     columns = ";".join(["controller", *INFORMATION, "#steady |e^e| (m)", "#cells solved"])
     return table_of("What each controller uses", columns, rows)
-
-
-def _leads(standing: Standing, others: Sequence[Standing]) -> bool:
-    """True for one that all others are settled to be worse than."""
-    firsts = [other for other in others if other.ranks is not None and other.ranks[0] == 1]
-    return len(others) > 1 and firsts == [standing]
 
 
 def families_table(board: Board, results: Results) -> Table:
@@ -185,14 +181,13 @@ def families_table(board: Board, results: Results) -> Table:
     labels = [standing.label for standing in board.ranked]
     counts = results.cells.family.loc[board.cells].value_counts()
 
-    def place(s: Standing, found: Iterable[Standing]) -> Entry:
+    def place(s: Standing, found: Mapping[str, Standing]) -> Entry:
         more = f"{interval_range(s.error)}; {s.solved} of {s.cells} cells solved"
         unit = f"{rank_range(s.ranks)} · {s.solved}/{s.cells}"
-        shown = _best(number(s.error.estimate, 2), _leads(s, list(found)))
-        return shown._replace(detail=more, unit=unit)
+        return _error(s, found.values(), 2)._replace(detail=more, unit=unit)
 
     rows = (
-        [family, str(counts[family]), *(place(found[label], found.values()) for label in labels)]
+        [family, str(counts[family]), *(place(found[label], found) for label in labels)]
         for family, found in board.families.items()
     )
     caption = "By scenario family: steady |e^e| (m), ranks that the intervals allow · cells solved"
@@ -206,19 +201,20 @@ def pairs_table(pairs: Sequence[Pair]) -> Table:
         found = pair.error.median_difference
         return f"{signed(found.low)} to {signed(found.high)}"
 
+    def holm(p: float) -> Entry:
+        return _marked(p_value(p), "best", p < SIGNIFICANT)
+
+    better = "#a better / equal / b better"
     columns: Columns = [
         ("a – b", lambda p: f"{p.a} – {p.b}"),
         ("#cells", lambda p: str(p.error.n)),
-        (
-            "#a better / equal / b better",
-            lambda p: f"{p.error.wins} / {p.error.ties} / {p.error.losses}",
-        ),
+        (better, lambda p: f"{p.error.wins} / {p.error.ties} / {p.error.losses}"),
         ("#median difference (decades)", lambda p: signed(p.error.median_difference.estimate)),
         ("#95 % interval", spread),
-        ("#p, Holm", lambda p: _best(p_value(p.error_p), p.error_p < SIGNIFICANT)),
+        ("#p, Holm", lambda p: holm(p.error_p)),
         ("#effect size", lambda p: signed(p.error.effect_size)),
         ("#cells solved by a / b only", lambda p: f"{p.success.only_a} / {p.success.only_b}"),
-        ("#p, Holm", lambda p: _best(p_value(p.success_p), p.success_p < SIGNIFICANT)),
+        ("#p, Holm", lambda p: holm(p.success_p)),
         ("verdict", lambda p: _verdict(p, len(pairs))),
     ]
     return table_by("Paired comparisons on the same cells", pairs, columns)
@@ -281,7 +277,7 @@ def prices_table(prices: Mapping[str, Sequence[Price]]) -> Table:
     for own in zip(*prices.values(), strict=True):
         row = [label_entry(own[0].label), Entry(number(own[0].error.estimate))]
         for price in own:
-            row.append(_best(number(price.effort.estimate), price.front))
+            row.append(_marked(number(price.effort.estimate), "best", price.front))
             row.append(Entry(interval_range(price.effort, 3)))
         rows.append(row)
     heads = [Entry(name) for metric in prices for name in (EFFORTS[metric], "95 % interval")]
@@ -310,12 +306,12 @@ def summary_table(results: Results, group: str) -> Table:
         whole = [found for found in own if all(run.state == DONE for run in found)]
         least = min((max(run.error for run in found) for found in whole), default=math.nan)
         best[cell] = number(least)
-    tried = runs[runs.state != NOT_RUN].groupby("label").succeeded.agg(["sum", "size"])
+    tried = runs[runs.state != NOT_RUN]
     grid = []
     for label in labels:
-        won, n = tried.reindex(labels, fill_value=0).loc[label]
+        won = tried.succeeded[tried.label == label]
         row = [_outcome(members[cell, label], best[cell]) for cell in cells.index]
-        grid.append([*row, Entry(f"{won} of {n}", "" if won == n else "bad")])
+        grid.append([*row, _marked(f"{won.sum()} of {len(won)}", "bad", not won.all())])
     heads, caption = [*cells.variant, "succeeded"], f"{group}: largest |e^e| in the steady part (m)"
     names = [label_entry(label) for label in labels]
     if len(cells) > _MOST_COLUMNS:
@@ -331,28 +327,26 @@ def _outcome(runs: Sequence[Any], best: str) -> Entry:
     lost = sorted((run for run in runs if run.state != DONE), key=lambda run: run.state == NOT_RUN)
     early = [run for run in runs if run.state == DONE and not run.ok]
     if lost and (lost[0].state != NOT_RUN or not early):
-        return lost_entry(lost[0])
+        return _ending(lost[0])
     if early:
         some = f" ({len(early)} of {len(runs)} seeds)" if len(runs) > 1 else ""
-        return Entry(f"{ending(early[0])}{some}", "bad", early[0].message)
+        return Entry(f"{_ending(early[0]).text}{some}", "bad", early[0].message)
     error = number(max(run.error for run in runs))
     if not all(run.succeeded for run in runs):
         return Entry(error, "bad", "|e^e| did not settle below 1e-4 m")
     if any(run.beyond for run in runs):
         where = "the robot went beyond its own limits: see time_beyond_limits and its like"
         return Entry(error, "bad", where, unit="beyond limits")
-    return _best(error, error == best)
+    return _marked(error, "best", error == best)
 
 
-def ending(run: Any) -> str:
-    """Say how a run with a result ended, in a few words."""
-    return "completed" if run.ok else ended(run.status, run.end)
-
-
-def lost_entry(run: Any) -> Entry:
-    """Say why a run has no result: one that was not run yet is no failure."""
-    pending = run.state == NOT_RUN
-    return Entry(run.state, "faint" if pending else "bad", cut(run.message))
+def _ending(run: Any) -> Entry:
+    """Say how a run ended, or why it has no result: one that was not run yet is no failure."""
+    if run.state != DONE:
+        return Entry(run.state, "faint" if run.state == NOT_RUN else "bad", cut(run.message))
+    if run.ok:
+        return Entry("completed", "", run.message)
+    return Entry(ended(run.status, run.end), "bad", run.message)
 
 
 def metrics_table(results: Results, cell: int) -> Table:
@@ -360,13 +354,11 @@ def metrics_table(results: Results, cell: int) -> Table:
     runs = results.runs[results.runs.cell == cell].sort_values("state", kind="stable")
     values = results.metrics.loc[runs.index]
     several = runs.seed.nunique() > 1
-    heads, outcomes = [], []
-    for run in runs.itertuples():
-        name = f"{run.label}, seed {run.seed}" if several else run.label
-        heads.append(Entry(name, label=run.label))
-        done = Entry(ending(run), "" if run.ok else "bad", run.message)
-        outcomes.append(done if run.state == DONE else lost_entry(run))
-    rows: list[list[Entry]] = [[Entry("outcome"), Entry(""), *outcomes]]
+    heads = [
+        Entry(f"{run.label}, seed {run.seed}" if several else run.label, label=run.label)
+        for run in runs.itertuples()
+    ]
+    rows: list[list[Entry]] = [[Entry("outcome"), Entry(""), *map(_ending, runs.itertuples())]]
     told = values.columns[values.notna().any()]
     known = {
         metric.name: metric
@@ -385,8 +377,8 @@ def metrics_table(results: Results, cell: int) -> Table:
         unit, about = (metric.unit, metric.description) if metric else ("", "not known here")
         faint = Entry(metric_unit(name, unit), "faint")
         rows.append([Entry(name, detail=about), faint, *_values(name, own, runs, better)])
-    files = runs.file.where(runs.state == DONE, "")
     rows.append([Entry("Data")])
+    files = runs.file.where(runs.state == DONE, "")
     for title, words, links in (("record", "h5", files), ("page", "replay", runs.replay)):
         if title == "record" or links.any():
             nothing = Entry(UNDEFINED, "faint")
@@ -397,8 +389,8 @@ def metrics_table(results: Results, cell: int) -> Table:
 
 
 def _section(metric: Any) -> int:
-    order = list(_SECTIONS)
-    return order.index(metric.section) if metric.section in order else len(order)
+    order = [*_SECTIONS, metric.section]
+    return order.index(metric.section)
 
 
 def _values(name: str, values: pd.Series, runs: pd.DataFrame, better: str) -> list[Entry]:
@@ -415,13 +407,13 @@ def _values(name: str, values: pd.Series, runs: pd.DataFrame, better: str) -> li
         elif value > ALLOWED.get(name, math.inf):
             found.append(Entry(shown, "bad"))
         elif value == math.inf or name == "success":
-            found.append(Entry(shown, "" if won else "bad"))
+            found.append(_marked(shown, "bad", not won))
         else:
-            found.append(_best(shown, won and shown == best))
+            found.append(_marked(shown, "best", won and shown == best))
     return found
 
 
-def _of_runs(results: Results, caption: str, runs: pd.DataFrame, columns: Columns) -> Table:
+def _of_runs(results: Results, caption: str, runs: pd.DataFrame, *columns: Any) -> Table:
     """Make a table with a row for each run: which it is, and what columns say."""
     place: Columns = [
         ("robot", lambda run: run.robot),
@@ -441,22 +433,25 @@ def endings_table(results: Results) -> Table:
         words = cut(run.message or "no reason given")
         return Entry(words + cuts * math.isfinite(run.saturation), link=run.file)
 
-    early = results.runs[(results.runs.state == DONE) & ~results.runs.ok]
-    columns: Columns = [
+    return _of_runs(
+        results,
+        "When and why each of them ended",
+        results.runs[(results.runs.state == DONE) & ~results.runs.ok],
         ("outcome", lambda run: Entry(run.status, "bad")),
         ("#at", lambda run: instant(run.end)),
         ("reason", reason),
-    ]
-    return _of_runs(results, "When and why each of them ended", early, columns)
+    )
 
 
 def losses_table(results: Results) -> Table:
     """Show every run without a result, and why."""
-    columns: Columns = [
-        ("outcome", lambda run: lost_entry(run)._replace(detail="")),
+    return _of_runs(
+        results,
+        "Why each of them has no result",
+        results.lost,
+        ("outcome", lambda run: _ending(run)._replace(detail="")),
         ("reason", lambda run: cut(run.message or "no reason")),
-    ]
-    return _of_runs(results, "Why each of them has no result", results.lost, columns)
+    )
 
 
 def endings_by_reason(results: Results) -> Table:
@@ -471,8 +466,8 @@ def endings_by_reason(results: Results) -> Table:
 
 def saturation_table(results: Results) -> Table | None:
     """Show where limits of the motors cut torques: scenarios by controllers; None if nowhere."""
-    runs, nowhere = results.runs, pd.Series(math.nan, results.metrics.index)
-    share = results.metrics.get("saturation_share", nowhere)
+    runs, labels = results.runs, results.labels
+    share = results.metric("saturation_share")
 
     def entry(own: pd.DataFrame) -> Entry:
         found, starts = share.loc[own.index].dropna(), own.saturation.dropna()
@@ -484,16 +479,13 @@ def saturation_table(results: Results) -> Table | None:
 
     variants = runs.cell.map(results.cells.variant)
     rows = [
-        [
-            name,
-            *(entry(runs[(variants == name) & (runs.label == label)]) for label in results.labels),
-        ]
+        [name, *(entry(runs[(variants == name) & (runs.label == label)]) for label in labels)]
         for name in variants[runs.saturation.notna()].unique()
     ]
     caption = (
         "Share of the ticks at which a limit cut a torque, median over runs; in how many at all"
     )
-    return table_of(caption, "scenario", rows, *map(label_entry, results.labels)) if rows else None
+    return table_of(caption, "scenario", rows, *map(label_entry, labels)) if rows else None
 
 
 def unused_table(results: Results) -> Table:
@@ -510,13 +502,13 @@ def replays_table(results: Results, most: int) -> Table:
     runs = results.runs[results.runs.command != ""]
     if len(runs) > most:
         runs = runs[(runs.replay != "") | ~runs.ok][:most]
-    columns: list[tuple[str, Callable[[Any], Entry]]] = [
-        ("outcome", lambda run: Entry(ending(run), "" if run.ok else "bad")),
+    columns: Columns = [
+        ("outcome", lambda run: _ending(run)._replace(detail="")),
         ("command", lambda run: Entry(run.command, command=True)),
         ("page", lambda run: Entry("replay" if run.replay else UNDEFINED, link=run.replay)),
     ]
     shown = columns if runs.replay.any() else columns[:2]
-    return _of_runs(results, "How to look at each run", runs, shown)
+    return _of_runs(results, "How to look at each run", runs, *shown)
 
 
 # Computing times, definitions, origin --------------------------------------------------------------
@@ -531,10 +523,11 @@ def timing_table(results: Results) -> Table:
     robots = results.cells.robot.unique()
     keys = pd.MultiIndex.from_product([results.labels, robots])
     medians = times.loc[runs.index].groupby([runs.label, runs.robot]).median().reindex(keys)
-    rows = []
-    for label in results.labels:
-        own = (metric_value(n, medians[n][label, r]) for r in robots for n in names)
-        rows.append([label_entry(label), *own])
+    rows = (
+        [label_entry(label)]
+        + [Entry(metric_value(n, medians[n][label, r])) for r in robots for n in names]
+        for label in results.labels
+    )
     heads = [Entry(name) for r in robots for name in (f"{r}: median", "99th percentile")]
     caption = "Time that the controller took for a tick (µs); median over the completed runs"
     return table_of(caption, "controller", rows, *heads)
@@ -542,13 +535,11 @@ def timing_table(results: Results) -> Table:
 
 def definitions_table() -> Table:
     """Show what the metrics are."""
-    columns: Columns = [
-        ("metric", lambda metric: metric.name),
-        ("unit", lambda metric: metric.unit),
-        ("definition", lambda metric: metric.description),
-        ("better", lambda metric: metric.better or UNDEFINED),
-    ]
-    return table_by("Definitions of the metrics", sorted(list_metrics(), key=_section), columns)
+    rows = (
+        (metric.name, metric.unit, metric.description, metric.better or UNDEFINED)
+        for metric in sorted(list_metrics(), key=_section)
+    )
+    return table_of("Definitions of the metrics", "metric;unit;definition;better", rows)
 
 
 def versions_table(results: Results) -> tuple[Table, str]:
@@ -561,22 +552,20 @@ def versions_table(results: Results) -> tuple[Table, str]:
         shown = Entry(next(iter(found)))
         if len(found) > 1:
             mixed.append(name)
-            parts = (f"{v} ({n} run{'s' * (n != 1)})" for v, n in found.items())
-            shown = Entry(", ".join(parts), "bad")
+            shown = Entry(", ".join(f"{v} ({count(n, 'run')})" for v, n in found.items()), "bad")
         rows.append([name, shown])
     warning = (
         f"Runs of different versions are mixed ({', '.join(mixed)}): they are not strictly comparable. "
         "Run the suite again to have one."
-        if mixed
-        else ""
     )
-    return table_of("Versions", "of;version", rows), warning
+    return table_of("Versions", "of;version", rows), warning if mixed else ""
 
 
 def machines_table(results: Results) -> Table:
     """Show the machines that the runs were computed on, as their records say it."""
     done = results.runs[results.runs.state == DONE]
-    counts = Counter(tuple(m.get(name) or "unknown" for name in _MACHINE) for m in done.machine)
+    names = "processor", "architecture", "system"
+    counts = Counter(tuple(m.get(name) or "unknown" for name in names) for m in done.machine)
     rows = ([*facts, str(n)] for facts, n in counts.most_common())
     columns = "processor;architecture;system;#runs"
     return table_of("Machines that the runs were computed on", columns, rows)
