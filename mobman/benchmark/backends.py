@@ -1,4 +1,4 @@
-"""Backends: workers that do a suite's runs, on this machine, on a Dask cluster, or any Executor."""
+"""Backends: workers that do a suite's runs, of any Executor, on this machine, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import os
 import pickle
 import sys
 import warnings
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from typing import Any, Self
@@ -22,59 +21,6 @@ _ANSWER = 5.0  # s, for a scheduler to answer in
 _LOGGERS = ("distributed", "distributed.client", "distributed.core", "distributed.utils")
 
 
-class Backend(ABC):
-    """Workers that jobs are given to; a context, at whose end none is left behind."""
-
-    ahead = 2
-    """Jobs submitted for each that can be in progress, so that no worker waits for its next."""
-    blames_exactly = True
-    """A worker has one piece of work at a time: what it died with is what it died of."""
-    waits_for = "there are no workers"
-    """Reason for which there are no slots."""
-
-    @abstractmethod
-    def slots(self) -> int:
-        """Number of runs that can be in progress now.
-
-        Raises:
-            MobmanError: If the workers are lost.
-        """
-
-    @abstractmethod
-    def submit(self, job: Job) -> Future[Result]:
-        """Have a job done.
-
-        Raises:
-            BrokenExecutor: If no more jobs are taken; see :meth:`renew`.
-        """
-
-    @abstractmethod
-    def loss(self, error: BaseException) -> str | None:
-        """In words, how the worker that had a job was lost; None if the error is another."""
-
-    def renew(self, error: BaseException) -> None:
-        """Go on after an executor broke as a whole.
-
-        Raises:
-            MobmanError: If there is no way to.
-        """
-        raise MobmanError(str(error)) from error
-
-    def prepare(self, jobs: Sequence[Job]) -> None:
-        """Look at the jobs that will be submitted.
-
-        Raises:
-            MobmanError: If the workers cannot do them.
-        """
-        return
-
-    def __enter__(self) -> Self:
-        return self
-
-    @abstractmethod
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None: ...
-
-
 def default_workers() -> int:
     """One for each core that this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -82,13 +28,71 @@ def default_workers() -> int:
     return os.cpu_count() or 1
 
 
-class Local(Backend):
-    """Processes of this machine.
+class Backend:
+    """Workers that jobs are given to; a context, at whose end none is left behind.
 
     Args:
-        count: Number of processes.
-        time_limit: Wall time that a run may take (s).
+        executor: Any executor, which stays the caller's; or a function that makes one, again when one
+            breaks.
     """
+
+    ahead = 2
+    """Jobs submitted for each that can be in progress, so that no worker waits for its next."""
+    blames_exactly = False
+    """True if a worker has one piece of work at a time: what it died with is what it died of. Those of a
+    cluster have their next with them already."""
+    waits_for = "there are no workers"
+    """Reason for which there are no slots."""
+    _make: Callable[[], Executor] | None = None
+
+    def __init__(self, executor: Executor | Callable[[], Executor]) -> None:
+        self._make = None if isinstance(executor, Executor) else executor
+        self._executor = executor if isinstance(executor, Executor) else executor()
+        self._futures: set[Future[Result]] = set()
+
+    def slots(self) -> int:
+        """Number of runs that can be in progress now; a MobmanError if the workers are lost."""
+        # an attribute of Python's own executors; another one gets a little more than it needs
+        return int(getattr(self._executor, "_max_workers", default_workers()))
+
+    def submit(self, job: Job) -> Future[Result]:
+        """Have a job done; a BrokenExecutor if no more jobs are taken, see :meth:`renew`."""
+        future = self._executor.submit(perform, job)
+        self._futures.add(future)
+        future.add_done_callback(self._futures.discard)
+        return future
+
+    def loss(self, error: BaseException) -> str | None:
+        """In words, how the worker that had a job was lost; None if the error is another."""
+        return "its worker process died" if isinstance(error, BrokenExecutor) else None
+
+    def renew(self, error: BaseException) -> None:
+        """Go on after an executor broke as a whole; a MobmanError if there is no way to."""
+        if self._make is None:
+            raise MobmanError(
+                f"the executor broke ({error}), since a run ended its process; what was done is kept. "
+                "Give a function that makes an executor, and it is replaced instead"
+            ) from error
+        self._executor.shutdown(wait=False)
+        self._executor = self._make()
+
+    def prepare(self, jobs: Sequence[Job]) -> None:
+        """Look at the jobs that will be submitted."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        for future in list(self._futures):
+            future.cancel()
+        if self._make is not None:
+            self._executor.shutdown(wait=kind is None, cancel_futures=True)
+
+
+class Local(Backend):
+    """So many processes of this machine, and the wall time that a run may take (s)."""
+
+    blames_exactly = True
 
     def __init__(self, count: int, time_limit: float) -> None:
         self._count, self._limit = count, time_limit
@@ -99,7 +103,7 @@ class Local(Backend):
         return self._count
 
     def submit(self, job: Job) -> Future[Result]:
-        """See :meth:`Backend.submit`."""
+        """See :meth:`Backend.submit`; the future has the error of a job that cannot be pickled."""
         try:
             return self._workers.submit(perform_packed, packed(job, pickle.dumps))
         except MobmanError as error:
@@ -113,6 +117,10 @@ class Local(Backend):
             return f"took longer than its time limit of {self._limit:g} s"
         return str(error) if isinstance(error, WorkerLostError) else None
 
+    def renew(self, error: BaseException) -> None:
+        """See :meth:`Backend.renew`."""
+        raise MobmanError(str(error)) from error
+
     def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
         if kind is None:
             self._workers.shutdown()
@@ -120,89 +128,42 @@ class Local(Backend):
             self._workers.kill()
 
 
-class AnyExecutor(Backend):
-    """Any :class:`concurrent.futures.Executor`.
-
-    Args:
-        executor: The executor, which stays the caller's; or a function that makes one, again when one
-            breaks.
-    """
-
-    blames_exactly = False
-
-    def __init__(self, executor: Executor | Callable[[], Executor]) -> None:
-        self._make = None if isinstance(executor, Executor) else executor
-        self._executor = executor if isinstance(executor, Executor) else executor()
-        self._futures: set[Future[Result]] = set()
-
-    def slots(self) -> int:
-        """See :meth:`Backend.slots`."""
-        # an attribute of Python's own executors; another one gets a little more than it needs
-        return int(getattr(self._executor, "_max_workers", default_workers()))
-
-    def submit(self, job: Job) -> Future[Result]:
-        """See :meth:`Backend.submit`."""
-        future = self._executor.submit(perform, job)
-        self._futures.add(future)
-        future.add_done_callback(self._futures.discard)
-        return future
-
-    def loss(self, error: BaseException) -> str | None:
-        """See :meth:`Backend.loss`."""
-        return "its worker process died" if isinstance(error, BrokenExecutor) else None
-
-    def renew(self, error: BaseException) -> None:
-        """See :meth:`Backend.renew`."""
-        if self._make is None:
-            raise MobmanError(
-                f"the executor broke ({error}), since a run ended its process; what was done is kept. "
-                "Give a function that makes an executor, and it is replaced instead"
-            ) from error
-        self._executor.shutdown(wait=False)
-        self._executor = self._make()
-
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        for future in list(self._futures):
-            future.cancel()
-        if self._make is not None:
-            self._executor.shutdown(wait=kind is None, cancel_futures=True)
-
-
 class Cluster(Backend):
-    """The workers of a Dask scheduler.
-
-    Args:
-        address: The scheduler's, such as ``"tcp://10.0.0.1:8786"``.
+    """The workers of a Dask scheduler at an address such as ``"tcp://10.0.0.1:8786"``.
 
     Raises:
         MobmanError: If Dask is not installed, or nothing answers at the address.
         UsageError: If it is not an address.
     """
 
-    blames_exactly = False  # a worker's next runs are with it already when it dies
-
     def __init__(self, address: str) -> None:
         try:
             import distributed
+            from distributed.comm.addressing import get_address_host_port
         except ImportError as error:
             raise MobmanError(
                 "running on a cluster needs Dask; install it with: pip install 'mobman[dask]'"
             ) from error
-        _check_address(address)  # before there is a client that has to be closed
         connect: Any = distributed.Client  # its signature has no types
         self._address = address
         self.waits_for = f"the scheduler at {address} has no workers"
         self._levels = {name: logging.getLogger(name).level for name in _LOGGERS}
-        for name in _LOGGERS:  # their news are reported here, in one line
-            logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
+            # before there is a client that has to be closed; one in this process has no port
+            if not address.startswith("inproc:"):
+                get_address_host_port(address)
+            for name in _LOGGERS:  # their news are reported here, in one line
+                logging.getLogger(name).setLevel(logging.CRITICAL)
             self._client = connect(address, timeout=_ANSWER, set_as_default=False, name="mobman")
         except (OSError, TimeoutError) as error:
             raise MobmanError(
                 f"no Dask scheduler answers at {address}; start one with: dask scheduler"
             ) from error
         except (ValueError, TypeError) as error:
-            raise _not_an_address(address, error) from error
+            raise UsageError(
+                f"{address!r} is not an address of a Dask scheduler ({error}); it is like "
+                "tcp://host:8786"
+            ) from error
         self._executor: Executor = self._client.get_executor(pure=False)
         self._parts: dict[str, Any] = {}
         self._known: set[str] = set()
@@ -240,7 +201,7 @@ class Cluster(Backend):
         return f"{many} that had it died (out of memory, over its time limit, or killed)"
 
     def prepare(self, jobs: Sequence[Job]) -> None:
-        """See :meth:`Backend.prepare`."""
+        """Look at what the jobs have in common, which every worker must be able to load."""
         self._parts = parts_of(jobs)
 
     def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
@@ -256,11 +217,7 @@ class Cluster(Backend):
         return MobmanError(f"lost the Dask scheduler at {self._address}")
 
     def _check(self, workers: list[str]) -> None:
-        """Require that workers can do the same runs with the same result.
-
-        Raises:
-            MobmanError: If they cannot.
-        """
+        """Require that workers can do the same runs with the same result; a MobmanError if not."""
         here = versions()
         for worker, there in self._ask(workers, _versions_there).items():
             if there.get("mobman") != here["mobman"]:
@@ -308,28 +265,7 @@ class Cluster(Backend):
     def _ask(self, workers: list[str], function: Callable[..., Any], *args: Any) -> dict[str, Any]:
         """Call a function on workers; those that leave meanwhile are left out."""
         answers = self._client.run(function, *args, workers=workers, on_error="return")
-        return {
-            worker: answer
-            for worker, answer in answers.items()
-            if not isinstance(answer, BaseException)
-        }
-
-
-def _check_address(address: str) -> None:
-    from distributed.comm.addressing import get_address_host_port
-
-    if address.startswith("inproc:"):  # of a cluster in this process, which has no port
-        return
-    try:
-        get_address_host_port(address)
-    except (ValueError, TypeError) as error:
-        raise _not_an_address(address, error) from error
-
-
-def _not_an_address(address: str, error: Exception) -> UsageError:
-    return UsageError(
-        f"{address!r} is not an address of a Dask scheduler ({error}); it is like tcp://host:8786"
-    )
+        return {k: answer for k, answer in answers.items() if not isinstance(answer, BaseException)}
 
 
 def _by_value() -> tuple[

@@ -15,9 +15,9 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from mobman.benchmark.backends import AnyExecutor, Backend, Cluster, Local, default_workers
+from mobman.benchmark.backends import Backend, Cluster, Local, default_workers
 from mobman.benchmark.store import Store
 from mobman.benchmark.suite import Suite, load_suite
 from mobman.benchmark.work import Job, Result, failure, jobs_of
@@ -34,8 +34,7 @@ _TRIES = 2  # of a run whose worker is lost, or that ran out of time or memory
 _LOOK = 0.5  # s, from one look at the workers to the next
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """Outcome of one run."""
 
     run: RunSpec
@@ -79,8 +78,7 @@ class Summary(Displayed):
         return [outcome for outcome in self.outcomes if outcome.status == "failed"]
 
 
-@dataclass(frozen=True)
-class Started:
+class Started(NamedTuple):
     """Event: the suite begins."""
 
     asked: int
@@ -96,23 +94,20 @@ class Running:
     count: int
 
 
-@dataclass(frozen=True)
-class Ended:
+class Ended(NamedTuple):
     """Event: a run is done."""
 
     outcome: Outcome
 
 
-@dataclass(frozen=True)
-class Again:
+class Again(NamedTuple):
     """Event: a run is retried once, for a reason outside its controller."""
 
     run: RunSpec
     reason: str
 
 
-@dataclass(frozen=True)
-class Waiting:
+class Waiting(NamedTuple):
     """Event: nothing can go on for now; the reason is empty when it does."""
 
     reason: str
@@ -197,7 +192,18 @@ def run_suite(
     summary = Summary(asked=len(runs), skipped=len(there), changed=changed)
     tell(Started(summary.asked, summary.skipped, tuple(todo)))
     if todo:
-        _do(todo, summary, store, limit, tell, executor=executor, workers=workers, dask=dask)
+        started = time.monotonic()
+        if dask is None and not anything_kept():
+            preload()  # compile here and once, instead of in every process that starts
+        if dask is not None:
+            backend: Backend = Cluster(dask)
+        elif executor is not None:
+            backend = Backend(executor)
+        else:
+            backend = Local(min(workers or default_workers(), len(todo)), limit)
+        _do(jobs_of(todo, limit), backend, store, summary, tell)
+        summary.seconds = time.monotonic() - started
+        store.finish(summary.seconds, summary.workers)
     else:
         store.finish()
     if report and part is None:
@@ -208,27 +214,13 @@ def run_suite(
 
 
 def _do(
-    todo: list[RunSpec],
-    summary: Summary,
+    jobs: Sequence[Job],
+    backend: Backend,
     store: Store,
-    limit: float,
+    summary: Summary,
     tell: Callable[[Event], None],
-    *,
-    executor: Executor | Callable[[], Executor] | None,
-    workers: int | None,
-    dask: str | None,
 ) -> None:
     """Do runs, and put their results into the folder and what came of them into the summary."""
-    started = time.monotonic()
-    backend: Backend
-    if dask is None and not anything_kept():
-        preload()  # compile here and once, instead of in every process that starts
-    if dask is not None:
-        backend = Cluster(dask)
-    elif executor is not None:
-        backend = AnyExecutor(executor)
-    else:
-        backend = Local(min(workers or default_workers(), len(todo)), limit)
 
     def note(event: Event) -> None:
         if isinstance(event, Running):
@@ -237,23 +229,20 @@ def _do(
 
     with backend:
         try:
-            for job, result in results(jobs_of(todo, limit), backend, note):
-                run = job.run
+            for job, result in results(jobs, backend, note):
                 if result.content is None:
-                    store.fail(run, result.message)
+                    store.fail(job.run, result.message)
                 else:
-                    store.keep(run, result.content)
+                    store.keep(job.run, result.content)
                 error = result.metrics.get("task_error_max", float("nan"))
-                outcome = Outcome(run, result.status, result.message, error)
+                outcome = Outcome(job.run, result.status, result.message, error)
                 summary.outcomes.append(outcome)
                 tell(Ended(outcome))
         except MobmanError as error:
             raise MobmanError(
-                f"{error}; the suite stopped: {len(summary.outcomes)} of {len(todo)} runs were done "
+                f"{error}; the suite stopped: {len(summary.outcomes)} of {len(jobs)} runs were done "
                 f"and are kept in {store.folder}, and it goes on from there when started again"
             ) from error
-    summary.seconds = time.monotonic() - started
-    store.finish(summary.seconds, summary.workers)
 
 
 @dataclass
@@ -285,13 +274,12 @@ def results(
     def again(
         trial: _Try, reason: str, queue: deque[_Try], fault: str = ""
     ) -> Iterator[tuple[Job, Result]]:
-        job = trial.job
+        run = trial.job.run
         if trial.number == _TRIES:
-            message = f"{reason}; tried {trial.number} times"
-            yield job, failure(job.run, message, fault=fault)
+            yield trial.job, failure(run, f"{reason}; tried {_TRIES} times", fault=fault)
         else:
-            queue.append(_Try(job, trial.number + 1))
-            tell(Again(job.run, reason))
+            queue.append(_Try(trial.job, trial.number + 1))
+            tell(Again(run, reason))
 
     def renew(error: BrokenExecutor, trial: _Try) -> None:
         """Have another executor, once for all jobs that the broken one had."""

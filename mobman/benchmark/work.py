@@ -52,26 +52,24 @@ class Job:
     robot: RobotSpec
     law: type[Any]
     factory: TaskFactory
-    time_limit: float
-    """Wall time (s)."""
+    time_limit: float  # wall time (s)
     origin: tuple[str, int]
     """:func:`this_process` where the suite was started."""
-    with_file: bool = True
-    """True if the content of the record's file is sent back."""
+    with_file: bool = True  # True if the content of the record's file is sent back
 
 
 def jobs_of(runs: Sequence[RunSpec], time_limit: float, *, with_file: bool = True) -> list[Job]:
     """The jobs of runs, by what their names mean here; see :class:`Job`."""
-    find_robot = cache(find_spec)
+    find_robot, origin = cache(find_spec), this_process()
     return [
         Job(
-            run=run,
-            robot=find_robot(run.robot),
-            law=controllers.get(run.law),
-            factory=tasks.get(run.task_name),
-            time_limit=time_limit,
-            origin=this_process(),
-            with_file=with_file,
+            run,
+            find_robot(run.robot),
+            controllers.get(run.law),
+            tasks.get(run.task_name),
+            time_limit,
+            origin,
+            with_file,
         )
         for run in runs
     ]
@@ -81,23 +79,18 @@ def jobs_of(runs: Sequence[RunSpec], time_limit: float, *, with_file: bool = Tru
 class Result:
     """Result of a job."""
 
-    run_id: str
-    """That of the job's run: a reply that went to another run's place shows as that."""
+    run_id: str  # that of the job's run: a reply that went to another run's place shows as that
     status: str
     """The record's, or ``"failed"`` if there is none."""
     message: str
-    metrics: Mapping[str, float] = field(default_factory=dict)
-    """The record's."""
+    metrics: Mapping[str, float] = field(default_factory=dict)  # the record's
     content: bytes | None = None
     """Content of the record's file; None if there is no record, or the job is without."""
-    again: bool = False
-    """Another try may well go better."""
+    again: bool = False  # another try may well go better
     fault: str = ""
     """Cause of a failure, if known: ``"gains"`` that the law refuses, or the ``"machine"``."""
-    end: float = 0.0
-    """Time of the last sample (s)."""
-    seconds: float = 0.0
-    """Wall time that it took."""
+    end: float = 0.0  # time of the last sample (s)
+    seconds: float = 0.0  # wall time that it took
 
 
 def failure(run: RunSpec, message: str, *, again: bool = False, fault: str = "") -> Result:
@@ -136,15 +129,10 @@ def perform_packed(content: bytes) -> Result:
 
 
 def packed(thing: Any, dumps: Callable[[Any], bytes], name: str = "a run") -> bytes:
-    """A job, or a part of one, for another process.
-
-    Args:
-        thing: The job or the part.
-        dumps: Function that pickles it.
-        name: Name of the part, for messages.
+    """A job, or a part of one, as a function pickles it for another process.
 
     Raises:
-        MobmanError: If it cannot be pickled.
+        MobmanError: If it cannot be pickled, with the part's name.
     """
     try:
         return dumps(thing)
@@ -176,7 +164,7 @@ def _guarded(job: Job) -> Result:
     elsewhere = job.origin != this_process()
     try:
         if elsewhere:
-            _pin_to_one_thread()
+            _pin_to_one_thread(os.getpid())
         preload(run.law)
         with _limited(job.time_limit, elsewhere) as heed:
             return _perform(job, heed)
@@ -188,8 +176,8 @@ def _guarded(job: Job) -> Result:
         result = failure(run, "ran out of memory", again=True, fault="machine")
     except BaseException as error:
         # a robot that does not load, a bug in a plugin, its sys.exit(): this run's matter alone
-        fault = "machine" if isinstance(error, OSError) else ""
-        fault = "gains" if isinstance(error, GainError) else fault
+        faults = {"gains": GainError, "machine": OSError}
+        fault = next((name for name, kind in faults.items() if isinstance(error, kind)), "")
         result = failure(run, f"{type(error).__name__}: {error}", fault=fault)
     _robots.clear()  # a run that broke off may have left anything in its robot
     return result
@@ -205,14 +193,8 @@ def _perform(job: Job, heed: Callable[[float], None]) -> Result:
     content = None
     if job.with_file:
         content = record.to_bytes(every=run.record_every, compression=run.compression)
-    return Result(
-        run.run_id,
-        record.status,
-        record.message,
-        record.metrics,
-        content,
-        end=float(record.t[-1]),
-    )
+    known = record.status, record.message, record.metrics, content
+    return Result(run.run_id, *known, end=float(record.t[-1]))
 
 
 def simulated_run(
@@ -221,13 +203,7 @@ def simulated_run(
     controller: Controller,
     progress: Callable[[float], None] | None = None,
 ) -> Record:
-    """The record of a run.
-
-    Args:
-        run: The run; its task is registered.
-        robot: The run's robot.
-        controller: Its law with its gains.
-        progress: As for :func:`mobman.simulate`.
+    """The record of a run, whose task is registered, by its robot and its law with its gains.
 
     Raises:
         MobmanError: If the task cannot be made, or the simulation cannot begin.
@@ -280,8 +256,7 @@ def robot_of(job: Job) -> MobileManipulator:
     """The robot of a job, loaded now or before.
 
     Raises:
-        SpecError: If it does not load.
-        MobmanError: If it is not here, or is not what it was where the suite was started.
+        MobmanError: If it does not load, or is not what it was where the suite was started.
     """
     key = job.run.robot_sha256
     if key not in _robots:
@@ -294,35 +269,26 @@ def robot_of(job: Job) -> MobileManipulator:
 
 def _spec(job: Job) -> RobotSpec:
     """The description as it was sent; or this machine's own, if its files are elsewhere here."""
-    found = None
-    try:
-        found = fingerprint(job.robot)
-        if found == job.run.robot_sha256:
-            return job.robot
-    except SpecError as error:
-        missing = error
-    try:
-        own = find_spec(job.run.robot)
-        if fingerprint(own) == job.run.robot_sha256:
-            return own
-    except MobmanError:
-        pass  # not known here: the description that was sent is what to speak of
-    if found is None:
-        raise MobmanError(
-            f"{missing} on the worker; put the robot's files in the same place there, or install there "
-            "the package that brings them"
-        )
-    raise MobmanError(
+    problem = (
         f"robot {job.run.robot!r}: its URDF is not what it was when the suite was started, or its "
         "platform's code is not (edited meanwhile, or another one on the worker)"
     )
+    try:
+        if fingerprint(job.robot) == job.run.robot_sha256:
+            return job.robot
+    except SpecError as error:
+        problem = (
+            f"{error} on the worker; put the robot's files in the same place there, or install there "
+            "the package that brings them"
+        )
+    with contextlib.suppress(MobmanError):  # not known here: what was sent is what to speak of
+        own = find_spec(job.run.robot)
+        if fingerprint(own) == job.run.robot_sha256:
+            return own
+    raise MobmanError(problem)
 
 
-_pinned: set[int] = set()
-
-
-def _pin_to_one_thread() -> None:
-    """One BLAS thread in this process from now on."""
-    if os.getpid() not in _pinned:
-        threadpool_limits(limits=1)
-        _pinned.add(os.getpid())
+@cache
+def _pin_to_one_thread(process: int) -> None:
+    """One BLAS thread in this process from now on; a forked one has this to do again."""
+    threadpool_limits(limits=1)

@@ -13,12 +13,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Future,
-    ThreadPoolExecutor,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.context import BaseContext
 from typing import Any
@@ -31,19 +26,9 @@ _TRIES = 3  # to start a process
 _START = 300.0  # s, for a process to start; the first on a machine compiles
 _BEGIN = 30.0  # s, for a process that has started to begin with its next work
 _LOOK = 0.25  # s, from one look at a process to the next
-_LEAST_MEMORY = (
-    4 << 30
-)  # bytes that each worker may have, however many there are: a run takes some 0.5
+_LEAST_MEMORY = 4 << 30  # bytes of each worker, however many there are: a run takes some 0.5 GB
 _SHARE = 4  # the workers together may have a quarter of the machine's memory, if that is more
-_THREADS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-)
-
-
+_THREADS = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "VECLIB_MAXIMUM", "NUMEXPR_NUM")
 _NO_START = (
     "a worker process could not start; in a script, what starts a suite must be under: "
     "if __name__ == '__main__'"
@@ -193,10 +178,8 @@ def _how(status: int) -> str:
 def _exists(pid: int) -> bool:
     try:
         os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)
     return True
 
 
@@ -209,11 +192,7 @@ def _memory() -> int:
 
 
 def _begin(memory: int) -> None:
-    """Prepare a worker process.
-
-    Args:
-        memory: Address space that it may take in addition to what it has (bytes).
-    """
+    """Prepare a worker process, which may take so much memory in addition to what it has (bytes)."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     preload()
@@ -241,12 +220,8 @@ _loaded: set[str] = set()  # laws, in this process or the one that it was forked
 
 
 def preload(law: str | None = None) -> None:
-    """Load all that runs need, once a process, by a tick of the laws of mobman's own; what is not
-    compiled yet is compiled.
-
-    Args:
-        law: The only one that runs need; one of them if it is not mobman's own. All by default.
-    """
+    """Load all that runs need, once a process, by a tick of all laws of mobman's own, or of the only one
+    that runs need (of any if that is not mobman's own); what is not compiled yet is compiled."""
     from mobman.controllers.protocol import controllers
     from mobman.simulation.simulate import simulate
 
@@ -270,16 +245,15 @@ def start_ahead() -> None:
 def one_thread_for_children() -> Iterator[None]:
     """One BLAS thread in processes that start meanwhile: matrices are small, and workers use all
     cores already."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    names = [f"{name}_THREADS" for name in _THREADS]
+    before = {name: os.environ.pop(name) for name in names if name in os.environ}
+    os.environ.update(dict.fromkeys(names, "1"))
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in names:
+            os.environ.pop(name, None)
+        os.environ.update(before)
 
 
 @contextlib.contextmanager

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -41,10 +42,8 @@ class RunScore:
     """The record's; ``"infeasible"`` where the law refuses the gains, ``"failed"`` where there is no
     record for another reason."""
     message: str
-    metrics: dict[str, float]
-    """Metrics of the objective, by name."""
-    seconds: float
-    """Wall time that it took."""
+    metrics: dict[str, float]  # metrics of the objective, by name
+    seconds: float  # wall time that it took
 
 
 @dataclass(frozen=True)
@@ -52,12 +51,9 @@ class Trial:
     """One set of gains of a controller, and its runs."""
 
     label: str
-    number: int
-    """0 is the suite's own gains."""
-    gains: dict[str, float]
-    """Tuned gains; none in trial 0."""
-    runs: tuple[RunScore, ...]
-    """Runs in the order of the tuning set."""
+    number: int  # 0 is the suite's own gains
+    gains: dict[str, float]  # tuned gains; none in trial 0
+    runs: tuple[RunScore, ...]  # runs in the order of the tuning set
 
     @property
     def score(self) -> float:
@@ -69,8 +65,7 @@ class Trial:
         return {**asdict(self), "score": self.score}
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """A run of a trial that was done, and the trial if that was its last."""
 
     label: str
@@ -89,10 +84,6 @@ class Search:
         objective: The quantity to minimize.
         storage: Where the trials are kept, in a study of that label.
         path: Its file, for messages.
-
-    Attributes:
-        problem: Hash of all that a trial and its score depend on.
-        done: Trials that are done, by number.
 
     Raises:
         MobmanError: If the study has trials of another problem.
@@ -120,6 +111,7 @@ class Search:
         }
         text = json.dumps(content, sort_keys=True, default=str)
         self.problem = hashlib.sha256(text.encode()).hexdigest()[:16]
+        """Hash of all that a trial and its score depend on."""
         self._distributions: dict[str, optuna.distributions.BaseDistribution] = {
             name: optuna.distributions.FloatDistribution(own.low, own.high, log=own.log)
             for name, own in space.items()
@@ -134,13 +126,12 @@ class Search:
                 f"objective, or version of a program; {_REMEDY}"
             )
         self.done: dict[int, Trial] = {}
+        """Trials that are done, by number."""
         try:
             for frozen in self._study.trials:
                 fields = frozen.user_attrs["trial"]
-                scores = tuple(RunScore(**run) for run in fields["runs"])
-                self.done[fields["number"]] = Trial(
-                    label, fields["number"], fields["gains"], scores
-                )
+                number, scores = fields["number"], tuple(RunScore(**run) for run in fields["runs"])
+                self.done[number] = Trial(label, number, fields["gains"], scores)
         except (LookupError, TypeError) as error:
             raise MobmanError(f"{path} holds what is no trial of a tuning; {_REMEDY}") from error
 
@@ -189,12 +180,8 @@ class Search:
         return replace(run, gains={**gains_by_field(run.law, run.gains), **gains})
 
     def keep(self, trial: Trial) -> None:
-        """Keep a trial, on the disk when this returns.
-
-        Raises:
-            MobmanError: If it cannot be written, or if the suite's own gains cannot be run: that is no
-                matter of gains.
-        """
+        """Keep a trial, on the disk when this returns; a MobmanError if it cannot be written, or if the
+        suite's own gains cannot be run: that is no matter of gains."""
         broken = [run for run in trial.runs if run.status in ("failed", "infeasible")]
         if trial.number == 0 and len(broken) == len(trial.runs):
             raise MobmanError(
@@ -221,11 +208,7 @@ class Search:
 
 
 def require_extra() -> None:
-    """Refuse to go on, with the remedy, if what only tuning needs is not installed.
-
-    Raises:
-        MobmanError: If it is not.
-    """
+    """Raise a MobmanError, with the remedy, if what only tuning needs is not installed."""
     try:
         import optuna
         import tomli_w  # noqa: F401
@@ -254,9 +237,7 @@ def sampler_settings() -> dict[str, Any]:
 def journal(path: Path, *, fresh: bool) -> optuna.storages.BaseStorage:
     """The storage in a file, without what a killed process left: half of a line, or a lock.
 
-    Args:
-        path: The file; neither it nor its folder need exist.
-        fresh: Begin again.
+    Neither the file nor its folder need exist; a fresh one is begun again.
 
     Raises:
         MobmanError: If it holds something else, or cannot be used.
@@ -288,11 +269,7 @@ def journal(path: Path, *, fresh: bool) -> optuna.storages.BaseStorage:
 def steps(searches: Sequence[Search], count: int, backend: Backend, limit: float) -> Iterator[Step]:
     """Do so many trials of every controller, those that are done already excepted, and keep them.
 
-    Args:
-        searches: Of all controllers, which share the objective.
-        count: Trials of each.
-        backend: Workers that do the runs.
-        limit: Wall time that a run may take (s).
+    The searches share the objective; the limit is the wall time that a run may take (s).
 
     Raises:
         MobmanError: If the suite's own gains of a controller cannot be run at all, or a trial cannot be
@@ -311,10 +288,10 @@ def steps(searches: Sequence[Search], count: int, backend: Backend, limit: float
         ]
         owners = [(trial, i) for trial in asked for i in range(len(trial[0].runs))]
         runs = [search.run(i, gains) for (search, _, gains), i in owners]
-        scores: dict[tuple[str, int], dict[int, RunScore]] = {}
+        scores: dict[tuple[str, int], dict[int, RunScore]] = defaultdict(dict)
         for position, run in scores_of(runs, searches[0].objective, backend, limit):
             (search, number, gains), i = owners[position]
-            own_scores = scores.setdefault((search.label, number), {})
+            own_scores = scores[search.label, number]
             own_scores[i] = run
             trial = None
             if len(own_scores) == len(search.runs):
@@ -327,14 +304,7 @@ def steps(searches: Sequence[Search], count: int, backend: Backend, limit: float
 def scores_of(
     runs: Sequence[RunSpec], objective: Objective, backend: Backend, limit: float
 ) -> Iterator[tuple[int, RunScore]]:
-    """The scores of runs, each with its position, as they come.
-
-    Args:
-        runs: The runs.
-        objective: Their score.
-        backend: Workers that do them.
-        limit: Wall time that each may take (s).
-    """
+    """The scores of runs, each with its position, as they come."""
     jobs = jobs_of(runs, limit, with_file=False)
     positions = {id(job): position for position, job in enumerate(jobs)}
     for job, result in results(jobs, backend):

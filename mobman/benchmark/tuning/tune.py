@@ -6,33 +6,21 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic_core import to_json
 
-from mobman.benchmark.backends import AnyExecutor, Backend, Local
+from mobman.benchmark.backends import Backend, Local
 from mobman.benchmark.suite import Suite
 from mobman.benchmark.suite_tables import TunedFrom, Tuning
+from mobman.benchmark.tuning import search, tuning_set
 from mobman.benchmark.tuning.objective import objectives
-from mobman.benchmark.tuning.search import (
-    Search,
-    Step,
-    Trial,
-    journal,
-    require_extra,
-    sampler_settings,
-    steps,
-)
-from mobman.benchmark.tuning.tuning_set import (
-    SUFFIX,
-    candidates,
-    require_disjoint,
-    tuning_runs,
-)
+from mobman.benchmark.tuning.search import Search, Step, Trial
+from mobman.benchmark.tuning.tuning_set import SUFFIX
 from mobman.controllers.protocol import gains_by_field
 from mobman.errors import MobmanError
 from mobman.files import write_whole
@@ -43,22 +31,15 @@ from mobman.toml_model import validate
 _SCHEMA_VERSION = 1
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """The work that a tuning will do."""
 
-    gains: Mapping[str, int]
-    """Number of gains that are tuned, by label."""
-    trials: int
-    """Trials of each controller."""
-    runs: int
-    """Runs of each trial."""
-    seconds: float
-    """Simulated time of a trial (s)."""
-    done: int
-    """Trials that were there already."""
-    scores: Mapping[str, float]
-    """The best score of these, by label."""
+    gains: Mapping[str, int]  # number of gains that are tuned, by label
+    trials: int  # trials of each controller
+    runs: int  # runs of each trial
+    seconds: float  # simulated time of a trial (s)
+    done: int  # trials that were there already
+    scores: Mapping[str, float]  # the best score of these, by label
 
     @property
     def total(self) -> int:
@@ -66,22 +47,15 @@ class Plan:
         return len(self.gains) * self.trials * self.runs
 
 
-@dataclass(frozen=True)
-class TuningResult:
+class TuningResult(NamedTuple):
     """The outcome of a tuning."""
 
-    json_file: Path
-    """Everything: the budget, the spaces, all trials."""
-    suite_file: Path
-    """The suite with the tuned gains in addition to its own."""
-    suite: Suite
-    """The same."""
-    trials: Mapping[str, Sequence[Trial]]
-    """Trials by label."""
-    left_out: Mapping[str, str]
-    """The reason why a controller was not tuned, by label."""
-    seconds: float
-    """Wall time of this call."""
+    json_file: Path  # everything: the budget, the spaces, all trials
+    suite_file: Path  # the suite with the tuned gains in addition to its own
+    suite: Suite  # the same
+    trials: Mapping[str, Sequence[Trial]]  # trials by label
+    left_out: Mapping[str, str]  # the reason why a controller was not tuned, by label
+    seconds: float  # wall time of this call
 
     def best(self, label: str) -> Trial:
         """A controller's best trial; trial 0 if no gains were better than its own."""
@@ -124,34 +98,38 @@ def tune_suite(
         OSError: If this machine, and no gains, made a run fail.
     """
     started, folder = time.monotonic(), Path(folder)
-    require_extra()
+    search.require_extra()
     tuning = suite.tuning or Tuning()
     if trials is not None:
         tuning = Tuning.model_validate({**tuning.model_dump(), "trials": trials})
     suite = suite.model_copy(update={"tuning": tuning})
     objective = objectives.get(tuning.objective)
-    spaces, left_out = candidates(suite, controllers)
+    spaces, left_out = tuning_set.candidates(suite, controllers)
     reported = suite.runs()
-    sets = tuning_runs(suite, list(spaces), reported)
+    sets = tuning_set.tuning_runs(suite, list(spaces), reported)
     runs = next(iter(sets.values()))
-    require_disjoint(runs, reported)
+    tuning_set.require_disjoint(runs, reported)
     path = folder / "trials.jsonl"
-    storage = journal(path, fresh=fresh)
+    storage = search.journal(path, fresh=fresh)
     searches = {k: Search(k, own, sets[k], objective, storage, path) for k, own in spaces.items()}
     numbers = range(tuning.trials)
     if on_start is not None:
-        counts = {label: len(space) for label, space in spaces.items()}
         there = {
-            k: [t for t in own.done.values() if t.number in numbers] for k, own in searches.items()
+            k: [t.score for t in own.done.values() if t.number in numbers]
+            for k, own in searches.items()
         }
-        done = sum(map(len, there.values()))
-        scores = {label: min(t.score for t in found) for label, found in there.items() if found}
-        seconds = sum(run.duration for run in runs)
-        on_start(Plan(counts, tuning.trials, len(runs), seconds, done, scores))
+        plan = Plan(
+            gains={label: len(space) for label, space in spaces.items()},
+            trials=tuning.trials,
+            runs=len(runs),
+            seconds=sum(run.duration for run in runs),
+            done=sum(map(len, there.values())),
+            scores={label: min(scores) for label, scores in there.items() if scores},
+        )
+        on_start(plan)
     limit = suite.time_limit
-    backend: Backend = Local(workers, limit) if executor is None else AnyExecutor(executor)
-    with backend:
-        for step in steps(list(searches.values()), tuning.trials, backend, limit):
+    with Local(workers, limit) if executor is None else Backend(executor) as backend:
+        for step in search.steps(list(searches.values()), tuning.trials, backend, limit):
             if on_step is not None:
                 on_step(step)
     found = {label: [own.done[number] for number in numbers] for label, own in searches.items()}
@@ -179,7 +157,7 @@ def tune_suite(
         "suite": suite.name,
         "tuning": tuning.model_dump(mode="json"),
         "objective": objective.formula,
-        "sampler": sampler_settings(),
+        "sampler": search.sampler_settings(),
         "controllers": {label: _entry(searches[label], own) for label, own in found.items()},
         "not_tuned": dict(left_out),
         "versions": versions(),
@@ -225,13 +203,8 @@ def tuned_suite(
     """A suite with the entries of another one, and ``LABEL-tuned`` in addition to each that gained.
 
     Gains that a group or an override has for a label hold for its tuned one, too, but for those that
-    were tuned: an override of its own, the last, says these again where it must.
-
-    Args:
-        suite: The suite that was tuned.
-        tuning: The budget, with all that it was spent on.
-        found: The outcome, by label.
-        gains: The tuned ones by label; none where nothing better was found.
+    were tuned: an override of its own, the last, says these again where it must. The budget has all that
+    it was spent on; the outcome and the gains, none where nothing better was found, are by label.
     """
     content = suite.model_dump(mode="json", by_alias=True, exclude_unset=True)
     better = {label: dict(own) for label, own in gains.items() if own}
@@ -243,33 +216,30 @@ def tuned_suite(
             own = {**gains_by_field(entry["law"], entry.get("gains", {})), **better[label]}
             entries[label + SUFFIX] = {"law": entry["law"], "gains": own, "tuned": origin}
     overrides = content.get("overrides", [])
-    elsewhere: dict[str, set[str]] = {label: set() for label in better}
-    """Gains that groups and overrides have, by label."""
     for place in [*content["groups"], *(override["where"] for override in overrides)]:
         if "controllers" in place:
             place["controllers"] = _with_tuned(suite, place["controllers"], better)
-    for label in better:
+    again = []
+    for label, own in better.items():
         law = suite.controllers[label].law
+        elsewhere = [
+            group["gains"].get(label, {}) for group in content["groups"] if "gains" in group
+        ]
         for group in content["groups"]:
-            if own := group.get("gains", {}).get(label):
-                group["gains"][label + SUFFIX] = own
-                elsewhere[label] |= gains_by_field(law, own).keys()
-        for override in overrides:
-            if _fits(label, override["where"].get("controllers", ["*"])):
-                elsewhere[label] |= gains_by_field(law, override.get("gains", {})).keys()
-    overrides = [
-        *overrides,
-        *(
-            {"where": {"controllers": [label + SUFFIX]}, "gains": own}
-            for label, own in better.items()
-            if own.keys() & elsewhere[label]
-        ),
-    ]
+            if given := group.get("gains", {}).get(label):
+                group["gains"][label + SUFFIX] = given
+        elsewhere += [
+            override.get("gains", {})
+            for override in overrides
+            if _fits(label, override["where"].get("controllers", ["*"]))
+        ]
+        if any(own.keys() & gains_by_field(law, given).keys() for given in elsewhere):
+            again.append({"where": {"controllers": [label + SUFFIX]}, "gains": own})
     written = {
         **content,
         "name": f"{suite.name}{SUFFIX}",
         "controllers": entries,
-        **({"overrides": overrides} if overrides else {}),
+        **({"overrides": [*overrides, *again]} if overrides or again else {}),
         "tuning": tuning.model_dump(mode="json", exclude_none=True),
     }
     return validate(Suite, _given(written), f"suite {written['name']!r}")
@@ -298,15 +268,15 @@ def _fits(label: str, patterns: Sequence[str]) -> bool:
     return any(fnmatchcase(label, pattern) for pattern in patterns)
 
 
-def _entry(search: Search, trials: Sequence[Trial]) -> dict[str, Any]:
+def _entry(tuned: Search, trials: Sequence[Trial]) -> dict[str, Any]:
     """A controller in ``tuning.json``."""
     best = _best(trials)
     return {
-        "law": search.runs[0].law,
-        "space": {name: own.model_dump() for name, own in search.space.items()},
-        "default": search.default,
-        "problem": search.problem,
-        "runs": [replace(run, settings={}).as_dict() for run in search.runs],
+        "law": tuned.runs[0].law,
+        "space": {name: own.model_dump() for name, own in tuned.space.items()},
+        "default": tuned.default,
+        "problem": tuned.problem,
+        "runs": [replace(run, settings={}).as_dict() for run in tuned.runs],
         "score_default": trials[0].score,
         "score": best.score,
         "trial": best.number,

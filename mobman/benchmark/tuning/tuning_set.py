@@ -27,18 +27,12 @@ SUFFIX = "-tuned"
 class Candidates(NamedTuple):
     """The controllers of a suite, as far as tuning goes."""
 
-    spaces: Mapping[str, Space]
-    """Search spaces of those that are tuned, by label."""
-    left_out: Mapping[str, str]
-    """The reason why the others are not, by label."""
+    spaces: Mapping[str, Space]  # search spaces of those that are tuned, by label
+    left_out: Mapping[str, str]  # the reason why the others are not, by label
 
 
 def candidates(suite: Suite, asked: Sequence[str] | None = None) -> Candidates:
-    """The controllers of a suite that can be tuned.
-
-    Args:
-        suite: The suite.
-        asked: Labels; all by default.
+    """The controllers of a suite that can be tuned, or those of them whose labels are asked for.
 
     Raises:
         UnknownNameError: If a label is not there.
@@ -75,18 +69,9 @@ def candidates(suite: Suite, asked: Sequence[str] | None = None) -> Candidates:
     return Candidates(spaces, left_out)
 
 
-class _Declared(RootModel[Space]):
-    """A space as a file has it."""
-
-
 def law_space(law: str) -> Space | None:
-    """The space that is declared for a law: ``spaces/LAW.toml``, or its attribute ``search_space``.
-
-    Args:
-        law: Name of a controller.
-
-    Returns:
-        Ranges by gain; None if nothing is declared.
+    """The space that is declared for a law, by ``spaces/LAW.toml`` or its attribute ``search_space``, or
+    None.
 
     Raises:
         SpecError: If the declaration is not valid.
@@ -99,7 +84,7 @@ def law_space(law: str) -> Space | None:
             return None
         where = str(files[law])
         declared = read_toml(files[law], "search space")
-    return _checked(law, validate(_Declared, declared, where).root, where)
+    return _checked(law, validate(RootModel[Space], declared, where).root, where)
 
 
 def _checked(law: str, space: Space, where: str) -> Space:
@@ -119,11 +104,8 @@ def tuning_runs(
 ) -> dict[str, list[RunSpec]]:
     """The runs of a trial with the suite's own gains, by label; the same cells for each.
 
-    Args:
-        suite: The suite.
-        labels: Of its controllers.
-        reported: The suite's own runs. In a cell of the tuning set, a controller has the gains and the
-            sampling period of the first of them with the same robot and task.
+    In a cell, a controller has the gains and the sampling period of the first of the suite's own runs,
+    which are reported, with the same robot and task.
 
     Raises:
         SpecError: With everything that is wrong with the tuning set.
@@ -144,18 +126,8 @@ def tuning_runs(
         group = {"robots": [robot], "tasks": [task], "scenarios": names or list(shipped)}
         period = {"dt": known[0].dt} if tuning.dt is None and known else {}
         groups.append({**group, "gains": gains, **period})
-    placements = tuning.placements or (2 if any(run.placement for run in reported) else None)
     derived: dict[str, Any] = {
-        **(
-            {}
-            if placements is None
-            else {
-                "placements": placements,
-                "first_placement": suite.first_placement + MOST_PLACEMENTS,
-            }
-        ),
         **{key: content[key] for key in ("schema", "dt", "tasks") if key in content},
-        **({} if tuning.dt is None else {"dt": tuning.dt}),
         "name": suite.name,
         "duration": suite.duration if tuning.duration is None else tuning.duration,
         "seeds": tuning.seeds,
@@ -163,6 +135,11 @@ def tuning_runs(
         "scenarios": {**shipped, **scenarios, **tuning.definitions},
         "groups": groups,
     }
+    if tuning.dt is not None:
+        derived["dt"] = tuning.dt
+    if placements := tuning.placements or (2 if any(run.placement for run in reported) else 0):
+        derived["placements"] = placements
+        derived["first_placement"] = suite.first_placement + MOST_PLACEMENTS
     try:
         runs = validate(Suite, derived, f"suite {suite.name!r}").runs()
     except SpecError as error:
@@ -204,15 +181,11 @@ def _asked(names: list[str] | None, known: list[str]) -> list[str]:
 
 
 def require_disjoint(tuning: Sequence[RunSpec], reported: Iterable[RunSpec]) -> None:
-    """Refuse a tuning set with a run that is, or is part of, a reported one.
+    """Refuse a trial's runs, of any controller, if one is, or is part of, a reported one of the suite.
 
     That is one of the same robot, task, placement, scenario (by its content, whatever its name) and
     seed; and of another seed if the scenario has nothing random in it, so that the seed makes no
     difference.
-
-    Args:
-        tuning: Runs of a trial, of any controller.
-        reported: The suite's own runs.
 
     Raises:
         SpecError: With all such runs.
@@ -224,27 +197,24 @@ def require_disjoint(tuning: Sequence[RunSpec], reported: Iterable[RunSpec]) -> 
     random: dict[str, bool] = {}
     for run in tuning:
         content = _content(run)
-        others = seeds.get(content, {})
-        if not others:
+        if not (others := seeds.get(content)):
             continue
         other = others.get(run.seed, next(iter(others.values())))
         name, alias = run.scenario["name"], other.scenario["name"]
         told = f"{run.robot} · {run.task} · {name}"
         reported_as = "is reported" + (f" (as {alias!r})" if alias != name else "")
         if run.seed in others:
-            problem = (
-                f"{told}, seed {run.seed}, {reported_as}; give other seeds or another scenario"
-            )
-            problems[problem] = None
+            again = f"{told}, seed {run.seed}, {reported_as}; give other seeds or another scenario"
+            problems[again] = None
             continue
         if content not in random:  # tried, since any piece of a scenario may use randomness
             random[content] = _state(run, run.seed) != _state(run, other.seed)
         if not random[content]:
-            problem = (
+            again = (
                 f"{told} {reported_as} and has nothing random in it, so that another seed makes no "
                 "difference; give another scenario"
             )
-            problems[problem] = None
+            problems[again] = None
     if problems:
         raise SpecError("tuning set: " + "; ".join(problems))
 
