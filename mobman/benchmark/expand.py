@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import product
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar
 
 from mobman.benchmark.suite_tables import Changes, Override, SuiteTables
 from mobman.controllers.protocol import controllers, make_controller
@@ -35,11 +35,7 @@ _placed: dict[tuple[Any, ...], dict[int, dict[str, Any]]] = {}
 
 
 def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]:
-    """Every run of a suite, in the order of the file.
-
-    Args:
-        suite: The suite.
-        lines: Of its file, for messages.
+    """Every run of a suite, in the order of the file, whose lines are for messages.
 
     Raises:
         SpecError: With everything that is wrong, also with entries that no run is of: names, gains,
@@ -69,10 +65,6 @@ def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]
 
 def number_of_runs(suite: SuiteTables, lines: TomlLines | None = None) -> int:
     """Number of a suite's runs, by the names alone: no robot is loaded and no gain is checked.
-
-    Args:
-        suite: The suite.
-        lines: Of its file, for messages.
 
     Raises:
         SpecError: With all names that are unknown, grids that are not valid, and overrides that fit no
@@ -106,10 +98,7 @@ class _Problems:
             return None
 
     def require_none(self) -> None:
-        """
-        Raises:
-            SpecError: With all that was noted, if anything was.
-        """
+        """Raise a SpecError with all that was noted, if anything was."""
         if self._found:
             faults, heading = list(self._found), f"suite {self._suite!r}"
             if self._lines is not None:
@@ -132,19 +121,13 @@ def _place_of(fault: str) -> Place:
 
 
 class _Table:
-    """The controllers, tasks or scenarios that a suite defines, its grids multiplied out.
+    """The controllers, tasks or scenarios of a suite, its grids multiplied out: fields by name, names by
+    the label that stands for them, and the label of each name."""
 
-    Attributes:
-        fields: Fields by name.
-        members: Names by the label that stands for them.
-        labels: The label of each name.
-    """
-
-    def __init__(
-        self, kind: str, entries: Mapping[str, Any], field: str, problems: _Problems
-    ) -> None:
+    def __init__(self, suite: SuiteTables, kind: str, field: str, problems: _Problems) -> None:
         self.fields: dict[str, dict[str, Any]] = {}
         self.members: dict[str, list[str]] = {}
+        entries: dict[str, Any] = getattr(suite, kind)
         for label, entry in entries.items():
             where = f"{kind}.{label}"
             own = problems.attempt(where, expand, label, getattr(entry, field), entry.grid) or {}
@@ -172,15 +155,12 @@ def _is_sound(name: str) -> bool:
 class _Plan(NamedTuple):
     """A run by its names."""
 
-    where: str
-    """The part of the file that lists it."""
+    where: str  # the part of the file that lists it
     robot: str
     task: str
     scenario: str
-    label: str
-    """The controller's name."""
-    gains: Any
-    """Gains of the group and of overrides."""
+    label: str  # the controller's name
+    gains: Any  # gains of the group and of overrides
     seed: int
     duration: float
     dt: float
@@ -197,14 +177,9 @@ class _Expansion:
 
     def __init__(self, suite: SuiteTables, problems: _Problems) -> None:
         self._suite, self._problems = suite, problems
-        self._controllers, self._tasks, self._scenarios = (
-            _Table(kind, getattr(suite, kind), field, problems)
-            for kind, field in (
-                ("controllers", "gains"),
-                ("tasks", "parameters"),
-                ("scenarios", "fields"),
-            )
-        )
+        self._controllers = _Table(suite, "controllers", "gains", problems)
+        self._tasks = _Table(suite, "tasks", "parameters", problems)
+        self._scenarios = _Table(suite, "scenarios", "fields", problems)
 
     def check(self) -> None:
         """Note what is wrong with any of the suite's own entries, used or not."""
@@ -288,14 +263,12 @@ class _Expansion:
     def _fits(self, override: Override, cell: Sequence[str]) -> bool:
         where = override.where
         patterns = (where.robots, where.tasks, where.scenarios, where.controllers)
-        tables = (None, self._tasks, self._scenarios, self._controllers)
-        for name, given, table in zip(cell, patterns, tables, strict=True):
-            members = table.members if table is not None else {}
-            if given is not None and not any(
-                fnmatchcase(name, pattern) or name in members.get(pattern, []) for pattern in given
-            ):
-                return False
-        return True
+        tables = (self._tasks.members, self._scenarios.members, self._controllers.members)
+        return all(
+            given is None
+            or any(fnmatchcase(name, own) or name in members.get(own, ()) for own in given)
+            for name, given, members in zip(cell, patterns, ({}, *tables), strict=True)
+        )
 
     def _chosen(
         self,
@@ -310,11 +283,9 @@ class _Expansion:
         found: dict[str, None] = {}
         for pattern in patterns:
             try:
-                meant = chosen(f"{kind} in {where}", pattern, names, table.members)
+                found |= dict.fromkeys(chosen(f"{kind} in {where}", pattern, names, table.members))
             except UnknownNameError as error:
                 self._problems.note(str(error))
-            else:
-                found |= dict.fromkeys(meant)
         return list(found)
 
     def _chosen_robots(self, where: str, patterns: Sequence[str]) -> list[str]:
@@ -324,7 +295,7 @@ class _Expansion:
         for pattern in patterns:
             if any(mark in pattern for mark in "*?["):
                 names = attempt(where, chosen, "robot", pattern, list_robots(), {}) or []
-                found |= dict.fromkeys(name for name in names if _is_sound(name))
+                found |= dict.fromkeys(filter(_is_sound, names))
             elif attempt(where, find_spec, pattern) is not None:
                 found[pattern] = None
         return list(found)
@@ -332,14 +303,12 @@ class _Expansion:
     def _chosen_scenarios(self, where: str, patterns: Sequence[str]) -> list[str]:
         """Scenarios that patterns mean: the suite's own, those that have names, and files."""
         found: dict[str, None] = {}
+        known, attempt = list_scenarios(), self._problems.attempt
         for pattern in patterns:
             if not pattern.endswith(".toml"):
-                known = list_scenarios()
                 names = self._chosen("scenario", where, [pattern], self._scenarios, known)
                 found |= dict.fromkeys(names)
-            elif (
-                self._problems.attempt(f"scenario {pattern!r}", load_scenario, pattern) is not None
-            ):
+            elif attempt(f"scenario {pattern!r}", load_scenario, pattern) is not None:
                 found[pattern] = None
         return list(found)
 
@@ -363,29 +332,25 @@ class _Expansion:
     def resolve(self, planned: Sequence[_Plan]) -> None:
         """Make what the names in runs stand for, and note what cannot be made."""
         attempt = self._problems.attempt
-        self._robots = {
-            name: attempt(f"robot {name!r}", self._robot, name)
-            for name in dict.fromkeys(plan.robot for plan in planned)
-        }
-        self._resolved_scenarios = {
-            name: attempt(f"scenario {name!r}", self._scenario, name)
-            for name in dict.fromkeys(plan.scenario for plan in planned)
-        }
+        self._robots: dict[str, Any] = {}
+        self._resolved_scenarios: dict[str, Any] = {}
         self._laws: dict[tuple[str, str], Any] = {}
+        self._placed: dict[tuple[str, str], Any] = {}
+        self._codes: dict[tuple[str, ...], str] = {}
+        for name in dict.fromkeys(plan.robot for plan in planned):
+            self._robots[name] = attempt(f"robot {name!r}", self._robot, name)
+        for name in dict.fromkeys(plan.scenario for plan in planned):
+            self._resolved_scenarios[name] = attempt(f"scenario {name!r}", self._scenario, name)
         for key, plan in {plan.controller: plan for plan in planned}.items():
             where = f"controller {plan.label!r}" + (f" in {plan.where}" if plan.gains else "")
             self._laws[key] = attempt(where, self._gains_and_settings, plan)
         numbers: dict[tuple[str, str], dict[int, None]] = {}
         for plan in planned:
             numbers.setdefault((plan.robot, plan.task), {})[plan.placement] = None
-        self._placed = {
-            (robot, task): attempt(
-                f"task {task!r} for robot {robot!r}", self._placements, robot, task, own
-            )
-            for (robot, task), own in numbers.items()
-            if self._robots[robot] is not None
-        }
-        self._codes: dict[tuple[str, ...], str] = {}
+        for (robot, task), own in numbers.items():
+            if self._robots[robot] is not None:
+                where = f"task {task!r} for robot {robot!r}"
+                self._placed[robot, task] = attempt(where, self._placements, robot, task, own)
 
     def _robot(self, name: str) -> tuple[str, str]:
         """A robot's fingerprint, and the type of its platform."""
@@ -404,7 +369,7 @@ class _Expansion:
     ) -> dict[int, dict[str, Any]]:
         """Fields of a run that depend on its placement, by its number."""
         name, given = self._task_of(task)
-        robot_sha256, _ = cast(Any, self._robots[robot])
+        robot_sha256, _ = self._robots[robot]
         key = robot, robot_sha256, tasks.get(name), json.dumps(given, sort_keys=True)
         known = _placed.setdefault(key, {})
         if missing := [number for number in numbers if number not in known]:
@@ -422,8 +387,8 @@ class _Expansion:
         gains, settings = self._laws[plan.controller]
         law = self._law_of(plan.label)
         task, _ = self._task_of(plan.task)
-        scenario, fields = cast(Any, self._resolved_scenarios[plan.scenario])
-        robot_sha256, kind = cast(Any, self._robots[plan.robot])
+        scenario, fields = self._resolved_scenarios[plan.scenario]
+        robot_sha256, kind = self._robots[plan.robot]
         if (key := (law, task, kind, plan.scenario)) not in self._codes:
             platform = platforms.get(kind)
             things = [controllers.get(law), tasks.get(task), platform, *scenario.types()]
@@ -437,7 +402,7 @@ class _Expansion:
             settings=settings,
             task=plan.task,
             task_name=task,
-            **cast(Any, self._placed[plan.robot, plan.task])[plan.placement],
+            **self._placed[plan.robot, plan.task][plan.placement],
             scenario=fields,
             family=self._scenarios.labels.get(plan.scenario, plan.scenario),
             seed=plan.seed,
@@ -465,8 +430,8 @@ def expand(name: str, fields: Mapping[str, Any], grid: Mapping[str, list[Any]]) 
         Fields by name: the label, followed by the values; the label alone if there is no grid.
 
     Raises:
-        UsageError: If a field of the grid is within something that has no fields, or two
-            combinations have one name, or there are more than :data:`MOST_ENTRIES`.
+        UsageError: If a field is within something that has none, two combinations have one name, or
+            there are more than :data:`MOST_ENTRIES`.
     """
     count = math.prod(len(values) for values in grid.values())
     if count > MOST_ENTRIES:
@@ -495,12 +460,10 @@ def chosen(
     """
     if pattern in members:
         return members[pattern]
-    found = (
-        [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
-    )
-    if not found:
-        raise UnknownNameError(kind, pattern, dict.fromkeys([*names, *members]))
-    return found
+    fitting = [name for name in names if fnmatchcase(name, pattern)]
+    if found := [pattern] if pattern in names else fitting:
+        return found
+    raise UnknownNameError(kind, pattern, dict.fromkeys([*names, *members]))
 
 
 def _set(content: Any, path: str, value: Any) -> None:
@@ -527,6 +490,5 @@ def _text(value: Any, position: int) -> str:
         return str(value).lower()
     if isinstance(value, (int, float)):
         return f"{value:g}"
-    if isinstance(value, str) and value.replace("-", "").replace("_", "").isalnum():
-        return value
-    return str(position + 1)
+    word = isinstance(value, str) and value.replace("-", "").replace("_", "").isalnum()
+    return value if word else str(position + 1)

@@ -15,8 +15,7 @@ from mobman.files import read_within, write_whole
 from mobman.simulation.run_spec import RunSpec
 
 SCHEMA_VERSION = 3
-EARLIER = (2,)
-"""Schemas that are read and shown, and not added to."""
+EARLIER = (2,)  # schemas that are read and shown, and not added to
 NAME = "suite.json"
 _MEGABYTES = 200.0  # 10,000 runs take some 5 MB
 _ADVICE = (
@@ -31,12 +30,9 @@ class Manifest:
     """The runs of a suite, the time that they took, and the hashes of their records."""
 
     suite: Suite
-    runs: tuple[RunSpec, ...]
-    """In the suite's order."""
-    seconds: float | None = None
-    """Time that its runs took altogether (s); None if none was done."""
-    workers: int | None = None
-    """Number of workers of the last call."""
+    runs: tuple[RunSpec, ...]  # in the suite's order
+    seconds: float | None = None  # time that its runs took altogether (s); None if none was done
+    workers: int | None = None  # number of workers of the last call
     hashes: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of records' files, by run id; of those that were done when a call ended."""
     schema_version: int = SCHEMA_VERSION

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -27,8 +27,7 @@ from mobman.simulation.run_spec import RunSpec
 _COMPARED = ("law", "seed", "dt", "duration", "task_parameters", "scenario", "monitor")
 
 
-@dataclass(frozen=True)
-class Failure:
+class Failure(NamedTuple):
     """A run that gave no result, for a reason outside its controller."""
 
     run_id: str
@@ -40,7 +39,8 @@ class Store:
 
     ``runs/RUN_ID.h5`` are the records and ``failures/RUN_ID.json`` the runs that gave none, each there
     whole or not at all; ``suite.json`` has the runs and the hashes of their records; ``index.h5`` links
-    the records with a table of specs and metrics, and can be rebuilt from these files at any time.
+    the records with a table of specs and metrics, and can be rebuilt from these files at any time. What
+    cannot be written is a MobmanError.
 
     Args:
         folder: The folder; it need not exist.
@@ -80,18 +80,13 @@ class Store:
         with self._writing():
             for folder in (self.folder / "runs", self.folder / "failures", self.folder):
                 folder.mkdir(parents=True, exist_ok=True)
-                for leftover in folder.glob(".*.tmp"):
-                    if is_abandoned(leftover):
-                        leftover.unlink(missing_ok=True)
-            manifest.write(self.folder)
+                for leftover in filter(is_abandoned, folder.glob(".*.tmp")):
+                    leftover.unlink(missing_ok=True)
+            self._write(manifest)
             sync_folder(self.folder.absolute().parent)
 
     def keep(self, run: RunSpec, content: bytes) -> None:
-        """Keep a run's record.
-
-        Args:
-            run: The run.
-            content: Content of its file.
+        """Keep the content of a run's record.
 
         Raises:
             RecordError: If it is not a record, or another run's.
@@ -110,40 +105,23 @@ class Store:
         self._summaries[path] = (_state(path), found[0])
 
     def fail(self, run: RunSpec, reason: str) -> None:
-        """Note that a run gave no result, and why.
-
-        Raises:
-            MobmanError: If it cannot be written.
-        """
+        """Note that a run gave no result, and why."""
         content = json.dumps({"run_id": run.run_id, "run": str(run), "reason": reason})
         with self._writing():
             write_whole(self._failure(run.run_id), content.encode())
 
     def finish(self, seconds: float | None = None, workers: int | None = None) -> None:
-        """Note the time that the runs took and the hashes of the records, and rebuild the index.
-
-        Args:
-            seconds: Time that those took that were done now (s); None if there were none.
-            workers: Number of workers.
-
-        Raises:
-            MobmanError: If the folder cannot be written.
-        """
-        before = read_manifest(self.folder)
-        after = replace(before, hashes=dict(self._known_hashes))
+        """Note the hashes of the records and, if runs were done now, the time that they took (s) and the
+        number of workers; and rebuild the index."""
+        after = replace(self.manifest, hashes=dict(self._known_hashes))
         if seconds is not None:
-            after = replace(after, seconds=seconds + (before.seconds or 0.0), workers=workers)
-        with self._writing():
-            after.write(self.folder)
+            after = replace(after, seconds=seconds + (after.seconds or 0.0), workers=workers)
+        self._write(after)
         self.rebuild_index()
 
     @property
     def manifest(self) -> Manifest:
-        """The manifest of the folder.
-
-        Raises:
-            MobmanError: If the folder holds no results.
-        """
+        """The manifest of the folder; a MobmanError if it holds no results."""
         return read_manifest(self.folder)
 
     @property
@@ -176,11 +154,7 @@ class Store:
 
     def changed(self, run: RunSpec) -> str:
         """Differences in what made a run's record and what would make it now: libraries, and mobman's
-        own source files; empty if there are none.
-
-        Raises:
-            RecordError: As :meth:`summary`.
-        """
+        own source files; empty if there are none."""
         then, now = self.summary(run).versions, versions()
         return ", ".join(
             f"{name} {then.get(name, 'unknown')} then, {now[name]} now"
@@ -188,41 +162,18 @@ class Store:
             if then.get(name) != now[name]
         )
 
-    def unreadable(self, runs: Iterable[RunSpec]) -> list[str]:
-        """Faults of records that are there and cannot be used."""
-        found = []
-        for run in runs:
-            if os.path.lexists(self.path(run)):
-                try:
-                    self.summary(run)
-                except RecordError as error:
-                    found.append(str(error))
-        return found
-
     def record(self, run: RunSpec) -> Record:
-        """A run's record.
-
-        Raises:
-            RecordError: If it is not there or cannot be read.
-        """
+        """A run's record; a RecordError if it is not there or cannot be read."""
         return load_record(self.path(run))
 
     def summary(self, run: RunSpec) -> RecordSummary:
-        """A run's record without its samples.
-
-        Raises:
-            RecordError: If it is not there, is damaged, or is another run's.
-        """
+        """A run's record without its samples; errors as those of :meth:`read`."""
         return self.read(self.path(run), run)
 
     def read(self, path: Path, run: RunSpec | None = None) -> RecordSummary:
-        """The summary of a file of the folder; read again where it changed.
+        """The summary of a file of the folder, of whichever run by default; read again where it changed.
 
         Its samples are read, too, or where the manifest has its hash, compared with that.
-
-        Args:
-            path: The file.
-            run: The run that it must be of; whichever by default.
 
         Raises:
             RecordError: If it is not there, is damaged, is another run's, or is a link to elsewhere.
@@ -240,11 +191,10 @@ class Store:
         if run is not None:
             require_record_of(run, summary, path)
         if kept is None:
-            written = self._known_hashes.get(path.stem)
-            if written is None:
+            if path.stem not in self._known_hashes:
                 load_record(path)
                 self._known_hashes[path.stem] = _hash(path)
-            elif written != _hash(path):
+            elif self._known_hashes[path.stem] != _hash(path):
                 raise RecordError(f"{path} is damaged: its content is not what was written")
             self._summaries[path] = (state, summary)
         return summary
@@ -261,25 +211,17 @@ class Store:
                 yield run, error, reasons.get(run.run_id) or (str(error) if there else "")
 
     def forget(self, runs: Iterable[RunSpec]) -> None:
-        """Remove records, so that they are run again; with the last, the time that they took.
-
-        Raises:
-            MobmanError: If they cannot be removed.
-        """
+        """Remove records, so that they are run again; with the last, the time that they took."""
         with self._writing():
             for run in runs:
                 self.path(run).unlink(missing_ok=True)
                 self._failure(run.run_id).unlink(missing_ok=True)
                 self._known_hashes.pop(run.run_id, None)
-            if not any(self.path(run).exists() for run in self.runs):
-                replace(self.manifest, seconds=None, workers=None).write(self.folder)
+        if not any(self.path(run).exists() for run in self.runs):
+            self._write(replace(self.manifest, seconds=None, workers=None))
 
     def rebuild_index(self) -> Path:
-        """Write ``index.h5`` again: a link to every record, and a table of specs and metrics.
-
-        Raises:
-            MobmanError: If it cannot be written.
-        """
+        """Write ``index.h5`` again: a link to every record, and a table of specs and metrics."""
         rows = [
             (run, found) for run, found, _ in self.outcomes() if isinstance(found, RecordSummary)
         ]
@@ -297,6 +239,10 @@ class Store:
 
     def _failure(self, run_id: str) -> Path:
         return self.folder / "failures" / f"{run_id}.json"
+
+    def _write(self, manifest: Manifest) -> None:
+        with self._writing():
+            manifest.write(self.folder)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -376,23 +322,17 @@ def _index(rows: Sequence[tuple[RunSpec, RecordSummary]]) -> bytes:
 class Merged:
     """Result of joining folders."""
 
-    asked: int
-    """Runs of the folders together."""
-    there: int
-    """Those whose record is in the joined folder."""
+    asked: int  # runs of the folders together
+    there: int  # those whose record is in the joined folder
     copied: int
-    unusable: list[str]
-    """Records that cannot be read, and why; they were left out."""
+    unusable: list[str]  # records that cannot be read, and why; they were left out
     conflicts: list[str]
     """Runs that two folders have with different results; the first one's is kept."""
 
 
 def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str]) -> Merged:
-    """Join folders of one suite's results, from several machines for instance.
-
-    Args:
-        folders: The folders; they are left as they are.
-        into: The folder that gets everything; it may be new, or hold results of the suite.
+    """Join folders of one suite's results, from several machines for instance, in another folder, which
+    may be new, or hold results of the suite; they are left as they are.
 
     Raises:
         MobmanError: If a folder holds no results, or another suite's, or ``into`` cannot be written.
@@ -405,12 +345,11 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
     if (target.folder / NAME).exists():
         sources.insert(0, target)
     manifests = [source.manifest for source in sources]
-    both = list(zip(manifests, sources, strict=True))
-    names = {manifest.suite.name: source.folder for manifest, source in both}
+    names = {own.suite.name: s.folder for own, s in zip(manifests, sources, strict=True)}
     if len(names) > 1:
         found = ", ".join(f"{name!r} in {folder}" for name, folder in names.items())
         raise MobmanError(f"these are results of different suites: {found}")
-    for manifest, source in both:
+    for manifest, source in zip(manifests, sources, strict=True):
         if manifest.schema_version != SCHEMA_VERSION:
             raise MobmanError(
                 f"{source.folder} holds results made by an earlier mobman (schema "
@@ -421,24 +360,17 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
         runs.setdefault(run.run_id, run)
     target.begin(manifests[0].suite, runs.values())
     copied, unusable, conflicts = 0, [], []
-    for source in sources:
-        if source is target:
-            continue
-        for run in source.runs:
-            if not os.path.lexists(source.path(run)):
-                continue
+    for source in (source for source in sources if source is not target):
+        for run in (run for run in source.runs if os.path.lexists(source.path(run))):
             try:
                 new = source.summary(run)
             except RecordError as error:
                 unusable.append(str(error))
                 continue
-            try:
-                old = target.summary(run)
-            except RecordError:
+            if not target.done(run):
                 target.keep(run, source.path(run).read_bytes())
                 copied += 1
-                continue
-            if old.state_sha256 != new.state_sha256:
+            elif target.summary(run).state_sha256 != new.state_sha256:
                 conflicts.append(f"{run}: {target.path(run)} and {source.path(run)} differ")
         for failure in source.failures:
             lost = runs.get(failure.run_id)
@@ -447,8 +379,7 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
     seconds = [manifest.seconds for manifest in manifests if manifest.seconds is not None]
     workers = [manifest.workers for manifest in manifests if manifest.workers is not None]
     whole = replace(target.manifest, seconds=sum(seconds) or None, workers=sum(workers) or None)
-    with target._writing():
-        whole.write(target.folder)
+    target._write(whole)
     target.finish()
     there = sum(target.done(run) for run in runs.values())
     return Merged(len(runs), there, copied, unusable, conflicts)

@@ -103,16 +103,10 @@ class PairComparison:
 def compare_all(
     labels: Sequence[str], scores: ArrayLike, *, method: str = "holm", **options: Any
 ) -> list[PairComparison]:
-    """Compare every label with every other by their scores on the same cells.
+    """Compare every label with every other by their scores, shape (labels, cells), on the same cells.
 
-    Args:
-        labels: Of the rows.
-        scores: Shape (n_labels, n_cells).
-        method: Of :func:`adjust`.
-        **options: Of :func:`compare`.
-
-    Returns:
-        One for each pair, in the order of the labels; none for a single label.
+    There is one comparison for each pair, in the order of the labels; the method is that of
+    :func:`adjust`, the options are those of :func:`compare`.
     """
     names, table = _table(labels, scores)
     pairs = list(combinations(range(len(names)), 2))

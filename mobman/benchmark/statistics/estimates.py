@@ -164,21 +164,18 @@ class Bootstrap:
     """Seed of the draws."""
 
     def __post_init__(self) -> None:
-        level, resamples, floor = self.level, self.resamples, self.floor
-        if not 0.0 < level < 1.0:
-            raise UsageError(
-                f"level: found {level!r}; allowed are confidence levels between 0 and 1"
-            )
-        if isinstance(resamples, bool) or int(resamples) != resamples or resamples < 1:
-            raise UsageError(f"resamples: found {resamples!r}; allowed are whole numbers from 1")
+        whole = not isinstance(self.resamples, bool) and int(self.resamples) == self.resamples
+        log, floor = self.scale == "log10", self.floor
+        for name, fine, allowed in (
+            ("level", 0.0 < self.level < 1.0, "are confidence levels between 0 and 1"),
+            ("resamples", whole and self.resamples >= 1, "are whole numbers from 1"),
+            ("scale", self.scale in ("linear", "log10"), "are 'linear' and 'log10'"),
+            ("floor", not log or 0.0 < floor < np.inf, "on scale 'log10' are finite numbers > 0"),
+        ):
+            if not fine:
+                raise UsageError(f"{name}: found {getattr(self, name)!r}; allowed {allowed}")
         if self.strata is not None and self.clusters is not None:
             raise UsageError("strata and clusters: found both; allowed is one of them")
-        if self.scale not in ("linear", "log10"):
-            raise UsageError(f"scale: found {self.scale!r}; allowed are 'linear' and 'log10'")
-        if self.scale == "log10" and not 0.0 < floor < np.inf:
-            raise UsageError(
-                f"floor: found {floor!r}; allowed on scale 'log10' are finite numbers > 0"
-            )
 
     def to_scale(self, values: Array) -> Array:
         """Values on the scale; inf stays inf."""
@@ -218,11 +215,8 @@ class Bootstrap:
         return estimates[0], *self.limits(drawn[:, 0])
 
     def estimates(self, rows: Array, estimator: _Estimator) -> tuple[Array, Array]:
-        """Estimates of each row, and of resamples of the columns, drawn jointly by their places.
-
-        Returns:
-            Shapes (n_rows, ...) and (resamples, n_rows, ...).
-        """
+        """Estimates of each row, (n_rows, ...), and of resamples of the columns, drawn jointly by their
+        places, (resamples, n_rows, ...)."""
         return self._joint(rows, self.groups_of(rows.shape[1]), estimator)
 
     def limits(self, drawn: Array) -> tuple[Array, Array]:
