@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +10,11 @@ import pinocchio as pin
 
 from mobman.arrays import Array, Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.baselines import ExtendedJacobianControl, TrackingGains
+from mobman.controllers.baselines import ExtendedJacobianControl, TrackingGains, workspace
 from mobman.controllers.bounds import sampled_states
-from mobman.controllers.gains import gain, require_positive
+from mobman.controllers.gains import Positive, gain
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import Stop
+from mobman.controllers.task_errors import Entry, Stop
 from mobman.linalg import dot, solve
 from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -29,14 +28,11 @@ _SAMPLES = 20
 class AdaptiveGains(TrackingGains):
     """Gains of the outer loop, of the velocity's error, and of the adaptation."""
 
-    k_d: float = gain(40.0, "s^-1", "damping of the velocity's error, -k_d M s")
-    omega: float = gain(20.0, "s^-1", "bandwidth of the adaptation, which scales Gamma")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "k_d", "omega")
+    k_d: Positive = gain(40.0, "s^-1", "damping of the velocity's error, -k_d M s")
+    omega: Positive = gain(20.0, "s^-1", "bandwidth of the adaptation, which scales Gamma")
 
 
+@controllers.register("adaptive")
 class Adaptive(ExtendedJacobianControl):
     r"""Adaptive control of the inertial parameters :math:`\theta` of all bodies, from the nominal ones:
 
@@ -80,15 +76,14 @@ class Adaptive(ExtendedJacobianControl):
         self._robot, self._task = robot, task
         super().reset(robot, task, dt)
 
-    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Callable[[], int]:
+    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
         """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
-        robot, gains, nz = self._robot, self.gains, len(v)
+        robot, (k_d, omega) = self._robot, self.numbers("k_d", "omega")
         regressor = Regressor(robot, now, z_dot)
         self.theta = nominal_parameters(robot)
-        self.Gamma = adaptation_gain(robot, self._task, float(gains.omega))
-        self.s = np.zeros(nz)
-        given = (now.M, now.B, regressor.Y, now.z, z_dot, float(gains.k_d), self._dt)
-        own = (self.Gamma, self.theta, regressor.z_r, self.s, np.zeros(nz), np.zeros((nz, nz)))
+        self.Gamma, self.s = adaptation_gain(robot, self._task, omega), np.zeros(len(v))
+        given = (now.M, now.B, regressor.Y, now.z, z_dot, k_d, self._dt)
+        own = (self.Gamma, self.theta, regressor.z_r, self.s, *workspace(len(v)))
         return sequence(regressor.evaluate, bind(adaptive_torque, *given, *own, v))
 
     def signals(self) -> dict[str, Array]:
@@ -231,6 +226,3 @@ def adaptation_gain(robot: MobileManipulator, task: Task, omega: float) -> Array
             greatest, float(np.linalg.eigvals(np.linalg.solve(inertia, stiffness)).real.max())
         )
     return diagonal * (omega**2 / greatest)
-
-
-controllers.register(Adaptive.name, Adaptive)

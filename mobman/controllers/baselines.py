@@ -1,6 +1,5 @@
 """The baselines: resolved acceleration and computed torque, ``pseudo-inverse``,
-``damped-least-squares`` and ``extended-jacobian``.
-"""
+``damped-least-squares`` and ``extended-jacobian``."""
 
 from __future__ import annotations
 
@@ -14,20 +13,23 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.criterion_gains import CriterionGains
-from mobman.controllers.gains import (
-    as_settings,
-    gain,
-    require_not_negative,
-    require_positive,
-)
+from mobman.controllers.gains import NotNegative, Positive, as_settings, gain
 from mobman.controllers.protocol import DisplayedLaw, controllers
-from mobman.controllers.task_errors import Stop, TaskSpace, desired, take_acceleration
+from mobman.controllers.task_errors import (
+    Entry,
+    Stop,
+    TaskSpace,
+    Tracking,
+    desired,
+    error,
+    error_rate,
+    take_acceleration,
+)
 from mobman.linalg import (
     apply,
     apply_transpose,
     cholesky,
     cholesky_solve,
-    dot,
     gram,
     solve,
     well_posed,
@@ -42,37 +44,26 @@ from mobman.tasks.task import Task
 class TrackingGains(CriterionGains):
     """Gains of the resolved acceleration p_d'' - K_v e' - K_p e, and of the criterion."""
 
-    K_p: float = gain(25.0, "s^-2", "stiffness of the task error")
-    K_v: float = gain(10.0, "s^-1", "damping of the task error; 2 sqrt(K_p) is critical")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "K_p", "K_v")
+    K_p: Positive = gain(25.0, "s^-2", "stiffness of the task error")
+    K_v: Positive = gain(10.0, "s^-1", "damping of the task error; 2 sqrt(K_p) is critical")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RedundancyGains(TrackingGains):
     """Gains of a descent of the criterion F in the null space of the task."""
 
-    k_0: float = gain(20.0, "s^-2", "null-space descent of the criterion, -k_0 C^T dF/dq")
-    k_d: float = gain(4.0, "s^-1", "null-space damping, -k_d z")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_not_negative(self, "k_0", "k_d")
+    k_0: NotNegative = gain(20.0, "s^-2", "null-space descent of the criterion, -k_0 C^T dF/dq")
+    k_d: NotNegative = gain(4.0, "s^-1", "null-space damping, -k_d z")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SecondaryGains(TrackingGains):
     """Gains of a secondary task, z = z_0, which the tip does not see."""
 
-    k_d: float = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")
-    k_0: float = gain(2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "k_d")
-        require_not_negative(self, "k_0")
+    k_d: Positive = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")
+    k_0: NotNegative = gain(
+        2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion"
+    )
 
 
 class ResolvedAcceleration(DisplayedLaw):
@@ -90,18 +81,14 @@ class ResolvedAcceleration(DisplayedLaw):
         self._settings: dict[str, Any] = as_settings(gains)
 
     @abstractmethod
-    def acceleration(
-        self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> Callable[[], int]:
+    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
         """A function that writes the wanted acceleration, shape (nz,), once the task space is filled;
         0, or a :class:`Stop`."""
 
-    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Callable[[], int]:
+    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
         """A function that writes v, shape (nz,), by default that of the nominal robot under the wanted
         acceleration; 0, or a :class:`Stop`."""
-        nz = len(v)
-        given = (now.M, now.bias, now.B, z_dot)
-        return bind(computed_torque, *given, np.zeros(nz), v, np.zeros((nz, nz)))
+        return bind(computed_torque, now.M, now.bias, now.B, z_dot, v, *workspace(len(v)))
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again, with the axes of e^a, integrals and estimates as new."""
@@ -133,28 +120,31 @@ class ResolvedAcceleration(DisplayedLaw):
         """The gains; after :meth:`reset`, with the robot's K_F where none is given."""
         return self._settings
 
+    def numbers(self, *names: str) -> tuple[float, ...]:
+        """Gains by name, as kernels take them."""
+        return tuple(float(getattr(self.gains, name)) for name in names)
+
+    def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
+        """A function that writes the value wanted of J z', shape (p,)."""
+        return bind(tracking_acceleration, space.tracking, *self.numbers("K_p", "K_v"), wanted)
+
+
+def workspace(n: int) -> tuple[Array, Array]:
+    """A vector and a square matrix for a kernel to compute in."""
+    return np.zeros(n), np.zeros((n, n))
+
 
 @kernel
-def tracking_acceleration(
-    f: Vector,
-    J: Matrix,
-    J_dot_z: Vector,
-    p_d: Matrix,
-    z: Vector,
-    K_p: float,
-    K_v: float,
-    wanted: Vector,
-) -> None:
+def tracking_acceleration(at: Tracking, K_p: float, K_v: float, wanted: Vector) -> None:
     """The value wanted of J z': p_d'' - K_v e' - K_p e - J' z."""
     for i in range(wanted.shape[0]):
-        e = f[i] - desired(p_d, 0, i)
-        e_dot = dot(J[i], z) - desired(p_d, 1, i)
-        wanted[i] = desired(p_d, 2, i) - K_v * e_dot - K_p * e - J_dot_z[i]
+        p_ddot = desired(at.p_d, 2, i)
+        wanted[i] = p_ddot - K_v * error_rate(at, i) - K_p * error(at, i) - at.J_dot_z[i]
 
 
 @kernel
 def computed_torque(
-    M: Matrix, bias: Vector, B: Matrix, z_dot: Vector, force: Vector, v: Vector, work: Matrix
+    M: Matrix, bias: Vector, B: Matrix, z_dot: Vector, v: Vector, force: Vector, work: Matrix
 ) -> int:
     """v that gives the nominal robot the acceleration z': B v = M z' + Pz + G, (17)."""
     apply(M, z_dot, force)
@@ -163,6 +153,7 @@ def computed_torque(
     return Stop.NO_INVERSE if solve(B, force, v, work) != 0 else 0
 
 
+@controllers.register("pseudo-inverse")
 class PseudoInverse(ResolvedAcceleration):
     r"""Resolved acceleration with null-space descent of the criterion, and computed torque:
 
@@ -177,47 +168,36 @@ class PseudoInverse(ResolvedAcceleration):
     name = "pseudo-inverse"
     Gains = RedundancyGains
 
-    def acceleration(
-        self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> Callable[[], int]:
+    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
         """See :class:`ResolvedAcceleration`."""
-        gains, now, nq, p = self.gains, space.now, robot.nq, space.p
+        now, nq, p, wanted = space.now, robot.nq, space.p, np.zeros(space.p)
         g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
+        numbers = (*self.numbers("k_0", "k_d"), float(getattr(self.gains, "mu", 0.0)))
+        work = (np.zeros(robot.nz), np.zeros((p, p)), np.zeros((p, p)))
         return sequence(
             criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate),
-            bind(
-                least_norm_acceleration,
-                *(space.f, space.J, space.J_dot_z, space.p_d, now.z, now.C, g),
-                *map(float, (gains.K_p, gains.K_v, gains.k_0, gains.k_d)),
-                float(getattr(gains, "mu", 0.0)),
-                *(z_dot, np.zeros(p), np.zeros(robot.nz), np.zeros((p, p)), np.zeros((p, p))),
-            ),
+            self.resolved(space, wanted),
+            bind(least_norm_acceleration, space.J, now.z, now.C, g, *numbers, wanted, z_dot, *work),
         )
 
 
 @kernel
 def least_norm_acceleration(
-    f: Vector,
     J: Matrix,
-    J_dot_z: Vector,
-    p_d: Matrix,
     z: Vector,
     C: Matrix,
     g: Vector,
-    K_p: float,
-    K_v: float,
     k_0: float,
     k_d: float,
     mu: float,
-    z_dot: Vector,
     wanted: Vector,
+    z_dot: Vector,
     descent: Vector,
     exact: Matrix,
     damped: Matrix,
 ) -> int:
     """z' = j_e^T (j_e j_e^T + mu^2 I)^-1 wanted + (I - j_e^+ j_e) descent, with
-    j_e^+ = j_e^T (j_e j_e^T)^-1; the last four are work space."""
-    tracking_acceleration(f, J, J_dot_z, p_d, z, K_p, K_v, wanted)
+    j_e^+ = j_e^T (j_e j_e^T)^-1; wanted is overwritten, the last three are work space."""
     gram(J, exact)
     gram(J, damped)
     for i in range(wanted.shape[0]):
@@ -239,20 +219,14 @@ def least_norm_acceleration(
     return 0
 
 
-controllers.register(PseudoInverse.name, PseudoInverse)
-
-
 @dataclass(frozen=True, kw_only=True)
 class DampedGains(RedundancyGains):
     """Gains of :class:`PseudoInverse`, and the damping."""
 
-    mu: float = gain(0.01, "1", "damping of the inverse, j_e^T (j_e j_e^T + mu^2 I)^-1")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "mu")
+    mu: Positive = gain(0.01, "1", "damping of the inverse, j_e^T (j_e j_e^T + mu^2 I)^-1")
 
 
+@controllers.register("damped-least-squares")
 class DampedLeastSquares(PseudoInverse):
     """Law ``pseudo-inverse`` with j_e^T (j_e j_e^T + mu^2 I)^-1 in the place of j_e^+ for the task
     (Nakamura and Hanafusa; Wampler): bounded at singularities, inexact everywhere else. The
@@ -262,9 +236,7 @@ class DampedLeastSquares(PseudoInverse):
     Gains = DampedGains
 
 
-controllers.register(DampedLeastSquares.name, DampedLeastSquares)
-
-
+@controllers.register("extended-jacobian")
 class ExtendedJacobianControl(ResolvedAcceleration):
     r"""Input-output linearisation of the extended task (13), and computed torque:
 
@@ -279,30 +251,14 @@ class ExtendedJacobianControl(ResolvedAcceleration):
     Gains = TrackingGains
     extended = True
 
-    def acceleration(
-        self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> Callable[[], int]:
-        """See :class:`ResolvedAcceleration`."""
-        nz = robot.nz
-        wanted = np.zeros(nz)
-        return sequence(
-            self.feedback(space, wanted),
-            bind(inverse_acceleration, space.J, wanted, z_dot, np.zeros((nz, nz))),
-        )
-
-    def feedback(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
-        """A function that writes the value wanted of J z', shape (nz,)."""
-        return bind(
-            tracking_acceleration,
-            *(space.f, space.J, space.J_dot_z, space.p_d, space.now.z),
-            *(float(self.gains.K_p), float(self.gains.K_v), wanted),
-        )
+    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
+        """See :class:`ResolvedAcceleration`; subclasses have a :meth:`resolved` of their own."""
+        wanted, work = workspace(robot.nz)
+        inverse = bind(inverse_acceleration, space.J, wanted, z_dot, work)
+        return sequence(self.resolved(space, wanted), inverse)
 
 
 @kernel
 def inverse_acceleration(J: Matrix, wanted: Vector, z_dot: Vector, work: Matrix) -> int:
     """z' = J^-1 wanted; the last is work space."""
     return Stop.NO_ACCELERATION if solve(J, wanted, z_dot, work) != 0 else 0
-
-
-controllers.register(ExtendedJacobianControl.name, ExtendedJacobianControl)

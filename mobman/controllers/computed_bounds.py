@@ -43,33 +43,22 @@ from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task, task_map_of
 
-PAPER = {
-    "w_1": 1.5,
-    "w_2": 0.001,
-    "w_3": 3.0,
-    "w_4": 9.0,
-    "w_5": 12.0,
-    "w_6": 0.0,
-    "w_7": 6.0,
-    "w_8": 0.011,
-    "w_9": 6.0,
-    "a": 0.2,
-    "A": 0.2,
+_CONSTANTS = {
+    "w_1": (1.5, "|J|, |dJ/dq|, |d2J/dq2| <= w_1 + w_2 |q - q_rest| (21)"),
+    "w_2": (0.001, "growth with |q - q_rest| (21)"),
+    "w_3": (3.0, "|B'| / |z|"),
+    "w_4": (9.0, "|d(Pz)/dq C z| / |z|^3"),
+    "w_5": (12.0, "|dG/dq C z| / |z|"),
+    "w_6": (0.0, "|D'| / beta_1 (18)"),
+    "w_7": (6.0, "|M|"),
+    "w_8": (0.011, "|M'| / (2 |z|)"),
+    "w_9": (6.0, "|M' + d(Pz)/dz| / |z|"),
+    "a": (0.2, "below lambda_min(J J^T) (22)"),
+    "A": (0.2, "below lambda_min(B B^T) (54)"),
 }
+PAPER = {name: value for name, (value, _) in _CONSTANTS.items()}
 """The paper's constants for its youBot, section 4, which calls them rough."""
-BOUNDED = {
-    "w_1": "|J|, |dJ/dq|, |d2J/dq2| <= w_1 + w_2 |q - q_rest| (21)",
-    "w_2": "growth with |q - q_rest| (21)",
-    "w_3": "|B'| / |z|",
-    "w_4": "|d(Pz)/dq C z| / |z|^3",
-    "w_5": "|dG/dq C z| / |z|",
-    "w_6": "|D'| / beta_1 (18)",
-    "w_7": "|M|",
-    "w_8": "|M'| / (2 |z|)",
-    "w_9": "|M' + d(Pz)/dz| / |z|",
-    "a": "below lambda_min(J J^T) (22)",
-    "A": "below lambda_min(B B^T) (54)",
-}
+BOUNDED = {name: term for name, (_, term) in _CONSTANTS.items()}
 """The term that each constant bounds, in words; w_3 to w_9 those of (53)."""
 MARGIN = 0.1
 """By which bounds lie beyond the largest value found, as a part of it."""
@@ -119,34 +108,36 @@ def computed_bounds(
     """
     random = np.random.default_rng(SEED)
     region = _Region(robot)
-    samples = [_Sample(robot.q_rest, _direction(random, robot.nz))]
+    samples = [_Sample(robot.q_rest, _unit(random.standard_normal(robot.nz)))]
     for _, q in sampled_states(robot, task):
-        samples.append(_Sample(region.steered(q, random), _direction(random, robot.nz)))
-    dynamics = _Dynamics(robot)
+        steered = region.steered(q, random)
+        samples.append(_Sample(steered, _unit(random.standard_normal(robot.nz))))
     sampled: dict[str, float] = {}
     found: dict[str, float] = {}
-    for name, term in dynamics.terms().items():
+    for name, term in _terms(robot).items():
         sign = -1.0 if name == "A" else 1.0
         still = name in ("w_7", "A")
         sampled[name], found[name] = region.extreme(term, sign, samples, still)
     own = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
-    jacobians = _Derivatives(robot, task, own)
-    regular = [sample for sample in samples if jacobians.exists(sample.q)]
+    J = _Jacobian(robot, task, own)
+    regular = [sample for sample in samples if J.exists(sample.q)]
     if not regular:
         raise SingularityError("J exists at none of the sampled states", "J")
-    sampled["a"], found["a"] = region.extreme(jacobians.least, -1.0, regular, still=True)
-    w_1, w_2 = _line(robot, jacobians, region, regular)
-    values = {"w_1": w_1, "w_2": w_2}
+    sampled["a"], found["a"] = region.extreme(
+        lambda q, z: _least(J.at(q)), -1.0, regular, still=True
+    )
+    w_1, w_2 = _line(robot, J, region, regular)
+    values = {"w_1": w_1, "w_2": w_2, "w_6": 1.0}
     values |= {f"w_{i}": (1.0 + MARGIN) * found[f"w_{i}"] for i in (3, 4, 5, 7, 8, 9)}
-    values |= {"w_6": 1.0} | {name: found[name] / (1.0 + MARGIN) for name in ("a", "A")}
+    values |= {name: found[name] / (1.0 + MARGIN) for name in ("a", "A")}
     if not (all_regular := found["a"] > FLOOR):
         values["a"] = AUTO_MARGIN * sampled["a"]
     exceeded = dict.fromkeys(sampled, _exceeded(1, len(samples)))
     exceeded["a"] = _exceeded(1, len(regular))
     exceeded["w_1"] = exceeded["w_2"] = _exceeded(2, min(len(regular), _WITH_DERIVATIVES))
-    found, sampled, exceeded, values = (
+    values, found, sampled, exceeded = (
         {name: one[name] for name in PAPER if name in one}
-        for one in (found, sampled, exceeded, values)
+        for one in (values, found, sampled, exceeded)
     )
     singular = len(samples) - len(regular)
     return ComputedBounds(values, found, sampled, exceeded, len(regular), singular, all_regular)
@@ -160,18 +151,58 @@ class _Sample(NamedTuple):
 _Term = Callable[[Array, Array], float]
 
 
-def _direction(random: np.random.Generator, nz: int) -> Array:
-    return _unit(random.standard_normal(nz))
-
-
 def _unit(z: Array) -> Array:
     return z / max(float(np.linalg.norm(z)), 1e-300)
+
+
+def _norm(matrix: Array) -> float:
+    """Euclidean norm of a vector, the largest singular value of a matrix."""
+    return float(np.linalg.norm(matrix, 2))
+
+
+def _least(matrix: Array) -> float:
+    """lambda_min(matrix matrix^T)."""
+    return float(np.linalg.svd(matrix, compute_uv=False)[-1] ** 2)
 
 
 def _exceeded(parameters: int, samples: int) -> float:
     """Share of the states that may lie beyond a bound of so many parameters which covers so many
     independent samples (Campi and Garatti, SIAM J. Optimization 19(3), 2008, theorem 1)."""
     return float(beta.ppf(CONFIDENCE, parameters, samples - parameters + 1))
+
+
+def _terms(robot: MobileManipulator) -> dict[str, _Term]:
+    """The terms of (53) and (54) at (q, z), |z| = 1, by the constant that bounds them."""
+    rest = np.zeros(robot.nz)
+
+    def at(q: Array) -> Any:
+        return robot.dynamics(q, rest)
+
+    def along(q: Array, z: Array, value: Callable[[Array], Array]) -> Array:
+        return rate_along(robot, q, z, value)
+
+    def quadratic(q: Array, z: Array) -> Array:
+        """Pz of (17)."""
+        difference: Array = robot.dynamics(q, z).bias - at(q).bias
+        return difference
+
+    def by_velocity(q: Array, z: Array) -> Array:
+        """d(Pz)/dz; central differences of what is quadratic are exact."""
+        ends = [
+            (robot.dynamics(q, z + e).bias, robot.dynamics(q, z - e).bias) for e in np.eye(len(z))
+        ]
+        return np.stack([(ahead - behind) / 2.0 for ahead, behind in ends], axis=1)
+
+    inertia = robot.reduced_inertia
+    return {
+        "w_3": lambda q, z: _norm(along(q, z, lambda x: at(x).B)),
+        "w_4": lambda q, z: _norm(along(q, z, lambda x: quadratic(x, z))),
+        "w_5": lambda q, z: _norm(along(q, z, lambda x: at(x).bias)),
+        "w_7": lambda q, z: _norm(at(q).M),
+        "w_8": lambda q, z: _norm(along(q, z, inertia)) / 2.0,
+        "w_9": lambda q, z: _norm(along(q, z, inertia) + by_velocity(q, z)),
+        "A": lambda q, z: _least(at(q).B),
+    }
 
 
 class _Region:
@@ -181,13 +212,12 @@ class _Region:
         self.robot = robot
         base = robot.platform.base_joints
         heading = [i for i, name in enumerate(robot.joint_names) if name == "base_theta"]
-        wheels = [i for i in robot.platform_index if robot.joint_names[i] not in base]
-        self.steering = np.array([i for i in wheels if self._steers(int(i))], dtype=np.int64)
+        wheels = [int(i) for i in robot.platform_index if robot.joint_names[i] not in base]
+        self.steering = np.array([i for i in wheels if self._steers(i)], dtype=np.int64)
         self.free = np.concatenate([robot.arm_index, self.steering, heading]).astype(np.int64)
-        lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - SPREAD)
-        upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + SPREAD)
-        lower[heading], upper[heading] = -math.pi, math.pi
-        self.lower, self.upper = lower, upper
+        self.lower = np.maximum(robot.model.lowerPositionLimit, robot.q_rest - SPREAD)
+        self.upper = np.minimum(robot.model.upperPositionLimit, robot.q_rest + SPREAD)
+        self.lower[heading], self.upper[heading] = -math.pi, math.pi
 
     def _steers(self, i: int) -> bool:
         """True if the directions of motion C depend on a coordinate."""
@@ -238,58 +268,12 @@ class _Region:
         lower = np.concatenate([self.lower[self.free], np.full(len(direction), -1.0)])
         upper = np.concatenate([self.upper[self.free], np.full(len(direction), 1.0)])
         x = np.clip(np.concatenate([start.q[self.free], direction]), lower, upper)
-        minimize(
-            cost,
-            x,
-            method="L-BFGS-B",
-            bounds=Bounds(lower, upper),
-            options={"maxiter": _ITERATIONS, "eps": 1e-6},
-        )
+        options: Any = {"maxiter": _ITERATIONS, "eps": 1e-6}
+        minimize(cost, x, method="L-BFGS-B", bounds=Bounds(lower, upper), options=options)
         return best
 
 
-class _Dynamics:
-    """The terms of (53) and (54) at (q, z), |z| = 1."""
-
-    def __init__(self, robot: MobileManipulator) -> None:
-        self.robot = robot
-        self.rest = np.zeros(robot.nz)
-
-    def terms(self) -> dict[str, _Term]:
-        """The terms by the constant that bounds them."""
-        robot = self.robot
-        return {
-            "w_3": lambda q, z: _norm(rate_along(robot, q, z, lambda at: self._at(at).B)),
-            "w_4": lambda q, z: _norm(rate_along(robot, q, z, lambda at: self._quadratic(at, z))),
-            "w_5": lambda q, z: _norm(rate_along(robot, q, z, lambda at: self._at(at).bias)),
-            "w_7": lambda q, z: _norm(self._at(q).M),
-            "w_8": lambda q, z: _norm(self._inertia_rate(q, z)) / 2.0,
-            "w_9": lambda q, z: _norm(self._inertia_rate(q, z) + self._by_velocity(q, z)),
-            "A": lambda q, z: _least(self._at(q).B),
-        }
-
-    def _at(self, q: Array) -> Any:
-        return self.robot.dynamics(q, self.rest)
-
-    def _inertia_rate(self, q: Array, z: Array) -> Array:
-        return rate_along(self.robot, q, z, self.robot.reduced_inertia)
-
-    def _quadratic(self, q: Array, z: Array) -> Array:
-        """Pz of (17)."""
-        difference: Array = self.robot.dynamics(q, z).bias - self._at(q).bias
-        return difference
-
-    def _by_velocity(self, q: Array, z: Array) -> Array:
-        """d(Pz)/dz; central differences of what is quadratic are exact."""
-        units = np.eye(len(z))
-        columns = [
-            (self.robot.dynamics(q, z + e).bias - self.robot.dynamics(q, z - e).bias) / 2.0
-            for e in units
-        ]
-        return np.stack(columns, axis=1)
-
-
-class _Derivatives:
+class _Jacobian:
     """J of (13), and its derivatives with respect to q."""
 
     def __init__(self, robot: MobileManipulator, task: Task, criterion: Criterion) -> None:
@@ -306,10 +290,6 @@ class _Derivatives:
         except SingularityError:
             return False
         return True
-
-    def least(self, q: Array, z: Array) -> float:
-        """lambda_min(J J^T) of (22)."""
-        return _least(self.at(q))
 
     def size(self, q: Array, z: Array) -> float:
         return float(np.linalg.norm(self.at(q)))
@@ -339,32 +319,19 @@ class _Derivatives:
 
 
 def _line(
-    robot: MobileManipulator, jacobians: _Derivatives, region: _Region, samples: Sequence[_Sample]
+    robot: MobileManipulator, J: _Jacobian, region: _Region, samples: Sequence[_Sample]
 ) -> tuple[float, float]:
     """w_1 and w_2 of (21): the line over all norms found that is the least on average, w_1 and w_2
     not negative, with the margin."""
     points = []
     for i, (q, z) in enumerate(samples):
-        norms = jacobians.norms(q) if i < _WITH_DERIVATIVES else [jacobians.size(q, z)]
-        points += [(float(np.linalg.norm(q - robot.q_rest)), norm) for norm in norms]
-    by_size = sorted(samples, key=lambda sample: -jacobians.size(*sample))
-    for start in by_size[:_STARTS]:
-        (q, _), norm = region.search(jacobians.size, 1.0, start, still=True)
-        points.append((float(np.linalg.norm(q - robot.q_rest)), norm))
-    distance, norm = np.array(points).T
-    rows = np.stack([np.ones_like(distance), distance], axis=1)
-    limits = [(0.0, None)] * 2
-    line = np.asarray(
-        linprog(rows.mean(axis=0), A_ub=-rows, b_ub=-norm, bounds=limits).x, dtype=float
-    )
-    return (1.0 + MARGIN) * float(line[0]), (1.0 + MARGIN) * float(line[1])
-
-
-def _norm(matrix: Array) -> float:
-    """Euclidean norm of a vector, the largest singular value of a matrix."""
-    return float(np.linalg.norm(matrix, 2))
-
-
-def _least(matrix: Array) -> float:
-    """lambda_min(matrix matrix^T)."""
-    return float(np.linalg.svd(matrix, compute_uv=False)[-1] ** 2)
+        norms = J.norms(q) if i < _WITH_DERIVATIVES else [J.size(q, z)]
+        points += [(q, norm) for norm in norms]
+    for start in sorted(samples, key=lambda sample: -J.size(*sample))[:_STARTS]:
+        (q, _), norm = region.search(J.size, 1.0, start, still=True)
+        points.append((q, norm))
+    rows = np.array([(1.0, np.linalg.norm(q - robot.q_rest)) for q, _ in points])
+    norms = [norm for _, norm in points]
+    found = linprog(rows.mean(axis=0), A_ub=-rows, b_ub=-np.array(norms), bounds=[(0.0, None)] * 2)
+    w_1, w_2 = (1.0 + MARGIN) * np.asarray(found.x, dtype=float)
+    return float(w_1), float(w_2)

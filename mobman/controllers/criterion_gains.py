@@ -6,13 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mobman.controllers.gains import (
-    Diagonal,
-    diagonal,
-    gain,
-    require_positive,
-    require_positive_diagonal,
-)
+from mobman.controllers.gains import CheckedGains, Diagonal, Positive, diagonal, gain
 from mobman.errors import GainError, MobmanError, UnknownNameError
 from mobman.model.criterion import Posture, Sum, Term, criteria
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -21,10 +15,10 @@ from mobman.toml_model import validate
 
 
 @dataclass(frozen=True, kw_only=True)
-class CriterionGains:
+class CriterionGains(CheckedGains):
     """Gains of the criterion."""
 
-    c_F: float = gain(1.0, "1", "c_F of the criterion (12)")
+    c_F: Positive = gain(1.0, "1", "c_F of the criterion (12)")
     K_F: Diagonal | None = gain(
         None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
     )
@@ -33,9 +27,7 @@ class CriterionGains:
     )
 
     def __post_init__(self) -> None:
-        require_positive(self, "c_F")
-        if self.K_F is not None:
-            require_positive_diagonal(self, "K_F")
+        super().__post_init__()
         terms(self.criteria)
 
     def criterion(self, robot: MobileManipulator, task: Task) -> Posture | Sum:
@@ -72,8 +64,8 @@ def terms(given: Sequence[Mapping[str, Any]]) -> list[Term]:
 
 def posture_criterion(
     robot: MobileManipulator,
-    c_F: float,
-    K_F: Diagonal | None,
+    c_F: float = 1.0,
+    K_F: Diagonal | None = None,
     task: Task | None = None,
     added: Sequence[Mapping[str, Any]] = (),
 ) -> Posture | Sum:
@@ -91,10 +83,10 @@ def posture_criterion(
         GainError: If K_F has not one weight for each coordinate of q.
         UsageError: If a term means nothing for this robot.
     """
-    if K_F is None:
-        own = getattr(task, "criterion_weights", None)
-        weights = robot.criterion_weights if own is None else own(robot)
-    else:
+    own = getattr(task, "criterion_weights", None)
+    if K_F is not None:
         weights = diagonal("K_F", K_F, robot.nq)
+    else:
+        weights = robot.criterion_weights if own is None else own(robot)
     posture = Posture(weights, robot.q_rest, c_F, robot.criterion_couplings)
     return Sum(posture, [term.on(robot) for term in terms(added)]) if added else posture

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.baselines import ExtendedJacobianControl, TrackingGains, computed_torque
-from mobman.controllers.gains import gain, require_positive
+from mobman.controllers.baselines import (
+    ExtendedJacobianControl,
+    TrackingGains,
+    computed_torque,
+    workspace,
+)
+from mobman.controllers.gains import Positive, gain
 from mobman.controllers.protocol import controllers
+from mobman.controllers.task_errors import Entry
 from mobman.linalg import dot
 from mobman.model.dynamics import Buffers
 
@@ -21,13 +26,10 @@ from mobman.model.dynamics import Buffers
 class ObserverGains(TrackingGains):
     """Gains of the outer loop, and the observer's bandwidth."""
 
-    K_O: float = gain(100.0, "s^-1", "bandwidth of the observer")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "K_O")
+    K_O: Positive = gain(100.0, "s^-1", "bandwidth of the observer")
 
 
+@controllers.register("disturbance-observer")
 class DisturbanceObserver(ExtendedJacobianControl):
     r"""Law ``extended-jacobian``, less the estimate of what the nominal model does not explain:
 
@@ -48,16 +50,15 @@ class DisturbanceObserver(ExtendedJacobianControl):
     Gains = ObserverGains
     signals_in_place = True
 
-    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Callable[[], int]:
+    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
         """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
-        nz = len(v)
         share = -math.expm1(-float(self.gains.K_O) * self._dt)
-        self.D, with_D, last_z_dot = np.zeros((3, nz))
-        last_z = np.full(nz, math.nan)
+        self.D, with_D, last_z_dot = np.zeros((3, len(v)))
+        last_z = np.full(len(v), math.nan)
         given = (now.M, now.bias, now.z, z_dot, share, self._dt)
         return sequence(
             bind(observe, *given, last_z, last_z_dot, self.D, with_D),
-            bind(computed_torque, now.M, with_D, now.B, z_dot, np.zeros(nz), v, np.zeros((nz, nz))),
+            bind(computed_torque, now.M, with_D, now.B, z_dot, v, *workspace(len(v))),
         )
 
     def signals(self) -> dict[str, Array]:
@@ -101,6 +102,3 @@ def observe(
         with_D[i] = bias[i] + D[i]
         last_z[i] = z[i]
         last_z_dot[i] = z_dot[i]
-
-
-controllers.register(DisturbanceObserver.name, DisturbanceObserver)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from mobman.arrays import SIZES, Array, beyond_sizes
 from mobman.errors import GainError
 
-Auto = Literal["auto"]
 MOST_TICKS = 100
-Diagonal = float | Sequence[float]
-"""A diagonal matrix: one number for all entries, or one for each."""
+Check = Callable[[str, Any], None]
+"""Raises GainError unless a gain of this name may have this value."""
 
 
 def gain(default: Any, unit: str, meaning: str) -> Any:
@@ -23,74 +23,109 @@ def gain(default: Any, unit: str, meaning: str) -> Any:
     return dataclasses.field(default=default, metadata={"unit": unit, "meaning": meaning})
 
 
+class CheckedGains:
+    """Base of dataclasses of gains: each is what its annotation says, a choice of a Literal, or what a
+    :data:`Check` in it allows (:data:`Positive`, ...)."""
+
+    def __post_init__(self) -> None:
+        kind: Any = type(self)
+        for name, check in _checks(kind):
+            check(name, getattr(self, name))
+
+
+@functools.cache
+def _checks(kind: Any) -> list[tuple[str, Check]]:
+    found: list[tuple[str, Check]] = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        parts = (hint, *get_args(hint))
+        checks = [check for part in parts for check in getattr(part, "__metadata__", ())]
+        if get_origin(hint) is Literal:
+            checks = [functools.partial(_chosen, get_args(hint))]
+        if type(None) in parts:
+            checks = [functools.partial(_if_given, check) for check in checks]
+        found += [(name, check) for check in checks]
+    return found
+
+
+def _chosen(choices: tuple[str, ...], name: str, value: Any) -> None:
+    _require(value in choices, name, value, f"be one of {', '.join(map(repr, choices))}")
+
+
+def _if_given(check: Check, name: str, value: Any) -> None:
+    if value is not None:
+        check(name, value)
+
+
 def as_settings(gains: Any) -> dict[str, Any]:
     """The gains as plain values, for records."""
-    settings = {}
-    for field in dataclasses.fields(gains):
-        value = getattr(gains, field.name)
+
+    def plain(value: Any) -> Any:
         if isinstance(value, Fraction):
-            value = f"{value.numerator}/{value.denominator}"
-        elif isinstance(value, np.ndarray):
-            value = value.tolist()
-        elif isinstance(value, (tuple, list)):
-            value = list(value)
-        settings[field.name] = value
-    return settings
+            return f"{value.numerator}/{value.denominator}"
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        return list(value) if isinstance(value, tuple | list) else value
+
+    return {field.name: plain(getattr(gains, field.name)) for field in dataclasses.fields(gains)}
 
 
-def require_positive(gains: Any, *names: str) -> None:
-    """Raises GainError unless each named gain is a finite number above 0."""
-    for name in names:
-        if not _number(gains, name) > 0.0:
-            raise GainError(f"{name} = {getattr(gains, name)!r}: must be above 0")
+# Conditions ------------------------------------------------------------------------------------------
 
 
-def require_positive_diagonal(gains: Any, *names: str) -> None:
-    """Raises GainError unless each named gain is a number above 0, or a list of them."""
-    for name in names:
-        value = getattr(gains, name)
-        if not np.all(_numbers(name, value) > 0.0):
-            raise GainError(f"{name} = {value!r}: must be above 0, every entry of it")
+def _require(met: bool, name: str, value: Any, condition: str) -> None:
+    if not met:
+        raise GainError(f"{name} = {value!r}: must {condition}")
 
 
-def require_not_negative(gains: Any, *names: str) -> None:
-    """Raises GainError unless each named gain is a finite number, 0 or more."""
-    for name in names:
-        if not _number(gains, name) >= 0.0:
-            raise GainError(f"{name} = {getattr(gains, name)!r}: must not be negative")
+def positive(name: str, value: Any) -> None:
+    """Raises GainError unless the gain is a finite number above 0."""
+    _require(_number(name, value) > 0.0, name, value, "be above 0")
 
 
-def require_at_least_one(gains: Any, name: str, theorem: str) -> None:
-    """Raises GainError unless the gain is at least 1, as the theorem supposes."""
-    if not _number(gains, name) >= 1.0:
-        raise GainError(f"{name} = {getattr(gains, name)!r}: must be at least 1 ({theorem})")
+def not_negative(name: str, value: Any) -> None:
+    """Raises GainError unless the gain is a finite number, 0 or more."""
+    _require(_number(name, value) >= 0.0, name, value, "not be negative")
 
 
-def require_bound(gains: Any, name: str, inequality: str) -> None:
-    """Raises GainError unless the gain is ``"auto"`` or a number above 0."""
-    value = getattr(gains, name)
-    if isinstance(value, str):
-        if value != "auto":
-            raise GainError(f"{name} = {value!r}: must be 'auto' or a number above 0")
-    elif not _number(gains, name) > 0.0:
-        raise GainError(f"{name} = {value!r}: must be above 0, since {inequality}")
+def positive_diagonal(name: str, value: Any) -> None:
+    """Raises GainError unless the gain is a number above 0, or a list of them."""
+    met = bool(np.all(_numbers(name, value) > 0.0))
+    _require(met, name, value, "be above 0, every entry of it")
 
 
-def require_ticks(gains: Any, name: str) -> None:
-    """Raises GainError unless the gain is None or a whole number of ticks, 0 to 100."""
-    value = getattr(gains, name)
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, (bool, np.bool_))
-    if value is not None and not (whole and 0 <= value <= MOST_TICKS):
-        raise GainError(
-            f"{name} = {value!r}: must be a whole number of ticks from 0 to {MOST_TICKS}"
-        )
+def at_least_one(theorem: str) -> Check:
+    """The gain is at least 1, as the theorem supposes."""
+
+    def check(name: str, value: Any) -> None:
+        _require(_number(name, value) >= 1.0, name, value, f"be at least 1 ({theorem})")
+
+    return check
 
 
-def require_choice(gains: Any, name: str, choices: Sequence[str]) -> None:
-    """Raises GainError unless the setting is one of the choices."""
-    value = getattr(gains, name)
-    if value not in choices:
-        raise GainError(f"{name} = {value!r}: must be one of {', '.join(map(repr, choices))}")
+def bound(inequality: str) -> Check:
+    """The gain is ``"auto"`` or a number above 0."""
+
+    def check(name: str, value: Any) -> None:
+        if isinstance(value, str):
+            _require(value == "auto", name, value, "be 'auto' or a number above 0")
+        else:
+            _require(_number(name, value) > 0.0, name, value, f"be above 0, since {inequality}")
+
+    return check
+
+
+def ticks(name: str, value: Any) -> None:
+    """Raises GainError unless the gain is a whole number of ticks, 0 to 100."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool | np.bool_)
+    met = whole and 0 <= value <= MOST_TICKS
+    _require(met, name, value, f"be a whole number of ticks from 0 to {MOST_TICKS}")
+
+
+Auto = Literal["auto"]
+Positive = Annotated[float, positive]
+NotNegative = Annotated[float, not_negative]
+Diagonal = Annotated[float | Sequence[float], positive_diagonal]
+"""A diagonal matrix: one number for all entries, or one for each."""
 
 
 def odd_ratio(name: str, value: Any) -> Fraction:
@@ -118,27 +153,23 @@ def odd_ratio(name: str, value: Any) -> Fraction:
     return ratio
 
 
-def diagonal(name: str, value: Diagonal, length: int) -> Array:
+def diagonal(name: str, value: Any, length: int) -> Array:
     """The diagonal of a gain matrix, shape (length,).
 
     Raises:
         GainError: If it has another length.
     """
     vector = np.asarray(value, dtype=float)
-    if vector.ndim == 0:
-        return np.full(length, float(vector))
-    if vector.shape != (length,):
+    if vector.shape not in ((), (length,)):
         raise GainError(
             f"{name} has {vector.size} entries; needed: one number, or {length} of them, one for "
             "each component"
         )
-    return vector.copy()
+    return np.full(length, vector)
 
 
-def _number(gains: Any, name: str) -> float:
-    value = getattr(gains, name)
-    if np.ndim(value) != 0:
-        raise GainError(f"{name} = {value!r}: must be one number")
+def _number(name: str, value: Any) -> float:
+    _require(np.ndim(value) == 0, name, value, "be one number")
     return float(_numbers(name, value))
 
 
@@ -148,9 +179,8 @@ def _numbers(name: str, value: Any) -> Array:
     except (TypeError, ValueError, OverflowError):
         numbers = np.array(np.nan)
     entries = np.ravel(np.asarray(value, dtype=object))
-    plain = not any(isinstance(entry, (bool, np.bool_, str)) for entry in entries)
-    if not plain or numbers.size == 0 or not np.all(np.isfinite(numbers)):
-        raise GainError(f"{name} = {value!r}: must be a finite number, or a list of them")
-    if beyond_sizes(numbers):
-        raise GainError(f"{name} = {value!r}: must be {SIZES}")
+    plain = not any(isinstance(entry, bool | np.bool_ | str) for entry in entries)
+    finite = plain and numbers.size > 0 and bool(np.isfinite(numbers).all())
+    _require(finite, name, value, "be a finite number, or a list of them")
+    _require(not beyond_sizes(numbers), name, value, f"be {SIZES}")
     return numbers

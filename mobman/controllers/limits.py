@@ -5,28 +5,47 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from mobman.arrays import LARGEST, SMALLEST, Array, Matrix, Vector
 from mobman.compiled import kernel
-from mobman.controllers.gains import diagonal, require_positive_diagonal
+from mobman.controllers.gains import diagonal, positive_diagonal
 from mobman.controllers.task_errors import Stop
 from mobman.errors import GainError
 from mobman.linalg import apply, cholesky, cholesky_solve, dot, solve
 from mobman.model.mobile_manipulator import MobileManipulator
 
-TorqueLimits = float | Sequence[float | None] | None
+
+def _torque_limits(name: str, given: Any) -> None:
+    """Raises GainError unless limits are numbers above 0; None in the place of one is allowed."""
+    for number in [given] if isinstance(given, float | int) else list(given):
+        plain = isinstance(number, float | int | np.number) and not isinstance(number, bool)
+        if number is not None and not (plain and SMALLEST <= number <= LARGEST):
+            raise GainError(
+                f"{name} = {given!r}: must be numbers from {SMALLEST:g} to {LARGEST:g}, one for "
+                "all motors or one for each; null for a motor without a limit"
+            )
+
+
+def _caps(name: str, value: Any) -> None:
+    """Raises GainError unless a cap is a number above 0, or two of them."""
+    positive_diagonal(name, value)
+    if np.ndim(value) and np.shape(value) != (2,):
+        raise GainError(
+            f"{name} = {value!r}: must be one number, or two: of positions and of orientations"
+        )
+
+
+TorqueLimits = Annotated[float | Sequence[float | None], _torque_limits] | None
 """Largest |v| of each motor (N m, N): one number for all, or one for each with None where there is none;
-None: those that act, see :func:`torque_limits`."""
-Cap = float | Sequence[float] | None
+None: those that act, see :meth:`LimitedMotors.torque_limits`."""
+Cap = Annotated[float | Sequence[float], _caps] | None
 """A largest norm: one number for positions and orientations alike, or one for each; None for none."""
 
 _BRAKING = 2.0  # 1/s: rate at which the torque that a hedge falls back to slows all motions
-_WITHIN = (
-    0.98  # of a limit: how near that torque comes, so that there is a way from it to any other
-)
+_WITHIN = 0.98  # of a limit: how near that torque comes, so that there is a way to any other
 
 
 class LimitedMotors:
@@ -59,38 +78,14 @@ class LimitedMotors:
         """
         if given is None:
             return (robot.limits.torque if self._acting is None else self._acting).copy()
-        if isinstance(given, float | int):
-            return diagonal("torque_limits", given, robot.nz)
-        return diagonal("torque_limits", [np.inf if x is None else x for x in given], robot.nz)
+        if not isinstance(given, float | int):
+            given = [np.inf if x is None else x for x in given]
+        return diagonal("torque_limits", given, robot.nz)
 
 
 def plain_limits(limits: Array) -> list[float | None]:
     """Limits as a gain and a file have them: None for the motors without one."""
     return [float(limit) if np.isfinite(limit) else None for limit in limits]
-
-
-def require_torque_limits(given: TorqueLimits) -> None:
-    """Raises GainError unless limits are numbers above 0; None in the place of one is allowed."""
-    numbers = [given] if isinstance(given, float | int) or given is None else list(given)
-    for number in numbers:
-        plain = isinstance(number, float | int | np.number) and not isinstance(number, bool)
-        if number is not None and not (plain and SMALLEST <= number <= LARGEST):
-            raise GainError(
-                f"torque_limits = {given!r}: must be numbers from {SMALLEST:g} to {LARGEST:g}, one for "
-                "all motors or one for each; null for a motor without a limit"
-            )
-
-
-def require_caps(gains: Any, *names: str) -> None:
-    """Raises GainError unless each named cap is None, a number above 0, or two of them."""
-    for name in names:
-        value = getattr(gains, name)
-        if value is not None:
-            require_positive_diagonal(gains, name)
-            if np.ndim(value) and np.shape(value) != (2,):
-                raise GainError(
-                    f"{name} = {value!r}: must be one number, or two: of positions and of orientations"
-                )
 
 
 def caps_of(cap: Cap) -> Array:
@@ -165,10 +160,8 @@ def hedge(
         stage: The kinematic stage, with the integral of g.
         held: The law's other integrals, advanced over the tick.
         J: Of the coordinates in s, shape (p, nz).
-        z: Measured, shape (nz,).
-        z_dot: The same.
-        M: Nominal, shape (nz, nz).
-        B: The same.
+        z, z_dot: Measured, shape (nz,).
+        M, B: Nominal, shape (nz, nz).
         work: Work space.
     """
     v, inside, change, force = held.v, work.inside, work.change, work.force

@@ -22,6 +22,7 @@ class LinearGains(CascadeGains):
     lambda_2: Diagonal = gain(15.0, "s^-1", "lambda_2 of the same")
 
 
+@controllers.register("linear-cascade")
 class LinearCascade(TerminalSlidingMode):
     r"""Law ``tsm`` with its terminal powers replaced by 1 in (31) and (51):
 
@@ -35,6 +36,3 @@ class LinearCascade(TerminalSlidingMode):
 
     name = "linear-cascade"
     Gains = LinearGains
-
-
-controllers.register(LinearCascade.name, LinearCascade)

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.baselines import ResolvedAcceleration
 from mobman.controllers.criterion_gains import CriterionGains
-from mobman.controllers.gains import (
-    gain,
-    require_not_negative,
-    require_positive,
-)
-from mobman.controllers.limits import (
-    LimitedMotors,
-    TorqueLimits,
-    plain_limits,
-    require_torque_limits,
-)
+from mobman.controllers.gains import NotNegative, Positive, gain
+from mobman.controllers.limits import TorqueLimits
 from mobman.controllers.protocol import controllers
-from mobman.controllers.quadratic_program import solver
-from mobman.controllers.task_errors import TaskSpace
+from mobman.controllers.quadratic_program import LimitedProgram
+from mobman.controllers.task_errors import Entry, TaskSpace
 from mobman.errors import GainError
 from mobman.linalg import apply, gram
 from mobman.model.dynamics import Buffers
@@ -37,23 +26,22 @@ from mobman.tasks.task import Task
 class PredictiveGains(CriterionGains):
     """Horizon and weights."""
 
-    period: float = gain(0.02, "s", "time from one solution to the next, a multiple of dt")
-    horizon: float = gain(0.8, "s", "time that is looked ahead")
+    period: Positive = gain(0.02, "s", "time from one solution to the next, a multiple of dt")
+    horizon: Positive = gain(0.8, "s", "time that is looked ahead")
     intervals: int = gain(
         8, "1", "of the horizon, each with its acceleration; the later, the longer"
     )
-    tau: float = gain(0.2, "s", "weight of e' against e: without limits e decays within it")
-    rho: float = gain(1e-4, "s^4", "weight of the acceleration")
-    mu: float = gain(1e-4, "s^2", "weight of z - z_0, what the tip leaves free")
-    k_0: float = gain(2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion")
-    k_z: float = gain(40.0, "s^-1", "rate at which z follows what is planned, at every tick")
+    tau: Positive = gain(0.2, "s", "weight of e' against e: without limits e decays within it")
+    rho: Positive = gain(1e-4, "s^4", "weight of the acceleration")
+    mu: Positive = gain(1e-4, "s^2", "weight of z - z_0, what the tip leaves free")
+    k_0: NotNegative = gain(
+        2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion"
+    )
+    k_z: NotNegative = gain(40.0, "s^-1", "rate at which z follows what is planned, at every tick")
     torque_limits: TorqueLimits = gain(None, "N m, N", "limits of |v|, by default those that act")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "period", "horizon", "tau", "rho", "mu")
-        require_not_negative(self, "k_0", "k_z")
-        require_torque_limits(self.torque_limits)
         number = self.intervals
         if isinstance(number, bool) or not isinstance(number, int) or not 2 <= number <= 50:
             raise GainError(f"intervals = {number!r}: must be a whole number from 2 to 50")
@@ -72,7 +60,8 @@ class Node(NamedTuple):
     """Shape (nz, intervals nz)."""
 
 
-class PredictiveControl(LimitedMotors, ResolvedAcceleration):
+@controllers.register("mpc")
+class PredictiveControl(LimitedProgram):
     r"""A receding horizon: the motion ahead that costs least within all limits, and computed torque.
 
     Of the motions :math:`\dot q = Cz`, :math:`\dot z = u`, u piecewise constant, that with the least
@@ -95,45 +84,35 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
     optimal feedback control", SIAM Journal on Control and Optimization 43(5), 2005; J. Pankert,
     M. Hutter, "Perceptive model predictive control for continuous mobile manipulation", IEEE Robotics
     and Automation Letters 5(4), 2020.
-
-    Raises:
-        MobmanError: If the solver, of the extra ``mpc``, is not installed.
     """
 
     name = "mpc"
+    extra = "mpc"
     Gains = PredictiveGains
     uses = ("M", "bias", "limits", "preview")
     signals_in_place = True
 
-    def __init__(self, gains: Any) -> None:
-        super().__init__(gains)
-        self._solve = solver(self.name, "mpc")
-
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again at rest, with the limits that act."""
-        self._limits = self.torque_limits(robot, self.gains.torque_limits)
         self._ahead, self._ticks = TaskSpace(robot, task), 0
         self._every = max(1, round(float(self.gains.period) / dt))
         self._defined = getattr(task, "duration", None) or np.inf  # a task has no later times
         self.cost = np.zeros(1)
         super().reset(robot, task, dt)
-        self._settings |= {"torque_limits": plain_limits(self._limits)}
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque for the tick, within the limits, shape (nz,)."""
         self._t = t
         v = super().step(t, q, z, z_dot)
         self._ticks += 1
-        return np.clip(v, -self._limits, self._limits)
+        return v
 
     def signals(self) -> dict[str, Array]:
         """The cost of the last solution, before the iteration that improved it, shape (1,)."""
         return {"mpc/cost": self.cost}
 
-    def acceleration(
-        self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> Callable[[], int]:
-        """See :class:`ResolvedAcceleration`."""
+    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
+        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         gains, nz = self.gains, robot.nz
         self._robot, self._now, self._middle = robot, space, Buffers(robot)
         self._root = np.sqrt(base_metric(robot))
@@ -238,6 +217,3 @@ class PredictiveControl(LimitedMotors, ResolvedAcceleration):
             node = Node(node.q + h * at.q_dot, z_next, node.q_by_U + h * q_dot_by, z_by_next)
             nodes.append(node)
         return nodes
-
-
-controllers.register(PredictiveControl.name, PredictiveControl)

@@ -14,7 +14,6 @@ singularities do not exist; F reaches its constrained minimum by descent, not by
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,10 +21,11 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel
-from mobman.controllers.gains import gain, require_not_negative, require_positive
+from mobman.controllers.gains import NotNegative, Positive, gain
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import Stop
+from mobman.controllers.task_errors import Stop, Tracking
 from mobman.controllers.tsm import (
+    Entries,
     Held,
     SlidingGains,
     SlidingStage,
@@ -48,16 +48,16 @@ stays finite; elsewhere the tip sees so small a part of y, which the sliding mod
 class NullSpaceGains(SlidingGains):
     """Gains of both stages, and of the descent of the criterion that the tip does not see."""
 
-    kappa: float = gain(
+    kappa: Positive = gain(
         50.0, "s^-1", "rate at which v_ref reaches a_N where the tip does not see it"
     )
-    k_v: float = gain(4.0, "s^-1", "null-space damping, -k_v z in a_N")
-    k_0: float = gain(4.0, "s^-2", "null-space stiffness, that of the stiffest motion, in a_N")
+    k_v: Positive = gain(4.0, "s^-1", "null-space damping, -k_v z in a_N")
+    k_0: NotNegative = gain(
+        4.0, "s^-2", "null-space stiffness, that of the stiffest motion, in a_N"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "kappa", "k_v")
-        require_not_negative(self, "k_0")
         if self.damping:
             raise GainError(
                 f"damping = {self.damping!r}: {NullSpaceSlidingMode.name!r} has no damped stage; "
@@ -65,6 +65,7 @@ class NullSpaceGains(SlidingGains):
             )
 
 
+@controllers.register("tsm-null-space")
 class NullSpaceSlidingMode(TerminalSlidingMode):
     """Kinematic stage (43)-(44) on the tip's Jacobian in a metric of the base, with a damped descent of
     the criterion in the null space; dynamic stage as in ``tsm`` (55)-(56)."""
@@ -78,16 +79,11 @@ class NullSpaceSlidingMode(TerminalSlidingMode):
         """See :class:`TerminalSlidingMode`."""
         return base_metric(robot)
 
-    def _reference(
-        self, robot: MobileManipulator, stage: tuple[Any, ...]
-    ) -> list[Callable[[], Any]]:
+    def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> Entries:
         gains, now, p, nq, nz = self.gains, self._now, self._space.p, robot.nq, robot.nz
-        omega = base_metric(robot)
         g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
-        descent = Descent(
-            *(omega, now.C, g),
-            *(np.zeros((p, nz)), np.zeros((p, p)), np.zeros(nz), np.zeros(p)),
-        )
+        work = (np.zeros((p, nz)), np.zeros((p, p)), np.zeros(nz), np.zeros(p))
+        descent = Descent(base_metric(robot), now.C, g, *work)
         k_0 = float(gains.k_0) * unit_stiffness(robot, self.criterion)
         return [
             criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate),
@@ -115,23 +111,18 @@ def null_space_stage(
     gains: Any,
     stage: SlidingStage,
     held: Held,
-    f: Vector,
-    J: Matrix,
-    J_dot_z: Vector,
-    p_d: Matrix,
-    q: Vector,
+    at: Tracking,
     q_rest: Vector,
-    z: Vector,
     descent: Descent,
-    kappa: float,
+    kappa: Positive,
     k_v: float,
     k_0: float,
 ) -> int:
     """v_ref' = Omega j_e^T u_ref, with u_ref of (44), plus what the tip does not see of y."""
     omega, J_omega, lower = descent.omega, descent.J_omega, descent.lower
-    y, seen = descent.y, descent.seen
-    k, p, nz = gains[0], J.shape[0], J.shape[1]
-    gain = kinematic_gain(gains, stage, held, f, J, J_dot_z, p_d, q, q_rest, z)
+    k, J, y, seen = gains[0], at.J, descent.y, descent.seen
+    p, nz = J.shape
+    gain = kinematic_gain(gains, stage, held, at, q_rest)
     trace = 0.0
     for i in range(p):
         for j in range(nz):
@@ -152,7 +143,7 @@ def null_space_stage(
     rate = kappa / (1.0 + kappa * k.dt)
     apply_transpose(descent.C, descent.g, y)
     for j in range(nz):
-        y[j] = -rate * (held.v_ref[j] + k_v * z[j] + k_0 * omega[j] * y[j])
+        y[j] = -rate * (held.v_ref[j] + k_v * at.z[j] + k_0 * omega[j] * y[j])
     # (I - Omega j_e^T (j_e Omega j_e^T)^-1 j_e) y
     apply(J, y, seen)
     cholesky_solve(lower, seen, seen)
@@ -161,6 +152,3 @@ def null_space_stage(
         for i in range(p):
             held.v_ref_dot[j] -= J_omega[i, j] * seen[i]
     return 0
-
-
-controllers.register(NullSpaceSlidingMode.name, NullSpaceSlidingMode)

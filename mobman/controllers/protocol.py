@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from numbers import Real
 from typing import Any, Protocol, runtime_checkable
 
@@ -94,8 +94,18 @@ class DisplayedLaw(Displayed):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        if (reset := vars(cls).get("reset")) is not None:
-            cls.reset = _with_checked_arguments(reset)  # type: ignore[attr-defined]
+        if (reset := vars(cls).get("reset")) is None:
+            return
+
+        @functools.wraps(reset)
+        def checked(self: Any, robot: Any, task: Any, dt: Any) -> None:
+            if not isinstance(robot, MobileManipulator):
+                raise UsageError(f"robot = {robot!r}: expected what mobman.load_robot gives")
+            if not (isinstance(dt, Real) and 0.0 < float(dt) < math.inf):
+                raise UsageError(f"dt = {dt!r}: expected a number above 0 (s)")
+            reset(self, robot, task, dt)
+
+        cls.reset = checked  # type: ignore[attr-defined]
 
     def __getattr__(self, name: str) -> Any:
         raise NotResetError(
@@ -108,20 +118,6 @@ class DisplayedLaw(Displayed):
         defaults = type(self.gains)()
         given = {name: v for name, v in values.items() if v != getattr(defaults, name)}
         return Shown(line_of(type(self).__name__, self.name, given), values)
-
-
-def _with_checked_arguments(reset: Callable[..., None]) -> Callable[..., None]:
-    """A law's ``reset`` that refuses what is no robot and no sampling period."""
-
-    @functools.wraps(reset)
-    def checked(self: Any, robot: Any, task: Any, dt: Any) -> None:
-        if not isinstance(robot, MobileManipulator):
-            raise UsageError(f"robot = {robot!r}: expected what mobman.load_robot gives")
-        if not (isinstance(dt, Real) and 0.0 < float(dt) < math.inf):
-            raise UsageError(f"dt = {dt!r}: expected a number above 0 (s)")
-        reset(self, robot, task, dt)
-
-    return checked
 
 
 def list_controllers() -> list[str]:
@@ -151,8 +147,8 @@ def make_controller(name: str, **gains: Any) -> Controller:
         GainError: If a gain is outside what the theory allows.
     """
     law, fields = controllers.get(name), gains_by_field(name, gains)
-    controller: Controller = law(law.Gains(**fields)) if hasattr(law, "Gains") else law()
-    return controller
+    made: Controller = law(law.Gains(**fields)) if hasattr(law, "Gains") else law()
+    return made
 
 
 def information_of(name: str) -> tuple[str, ...] | None:
@@ -177,16 +173,8 @@ def gains_by_field(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
         UnknownNameError: If there is no such controller, or it has no such gain.
         UsageError: If one is given twice.
     """
-    law = controllers.get(name)
-    if hasattr(law, "Gains"):
-        return _by_field(name, law.Gains, given)
-    if given:
-        raise UnknownNameError(f"gain of {name!r}", next(iter(given)), [])
-    return {}
-
-
-def _by_field(name: str, gains: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    fields = [field.name for field in dataclasses.fields(gains)]
+    kind = getattr(controllers.get(name), "Gains", None)
+    fields = [] if kind is None else [field.name for field in dataclasses.fields(kind)]
     plain = {field.replace("_", ""): field for field in fields}
     found: dict[str, Any] = {}
     for key, value in given.items():

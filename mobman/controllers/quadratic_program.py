@@ -1,4 +1,4 @@
-"""Quadratic programs with hard and soft bounds, by DAQP, which extras bring."""
+"""Laws that solve quadratic programs with hard and soft bounds, by DAQP, which extras bring."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ import numpy as np
 import numpy.typing
 
 from mobman.arrays import Array
+from mobman.controllers.baselines import ResolvedAcceleration
+from mobman.controllers.limits import LimitedMotors, plain_limits
 from mobman.errors import MobmanError, SingularityError
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.task import Task
 
 _SOFT, _HARD = 8, 0  # DAQP's kinds of constraints
 _SOLVED = (1, 2)  # its exit flags: optimal; optimal with soft bounds that do not hold
@@ -17,6 +21,31 @@ _LIMIT = 1000  # iterations
 _TOLERANCE = 1e-9  # of the bounds
 Flags = np.typing.NDArray[np.bool_]
 Solve = Callable[[Array, Array, Array, Array, Array, Flags], Array]
+
+
+class LimitedProgram(LimitedMotors, ResolvedAcceleration):
+    """Base of laws whose acceleration is a program's solution, with torques within ``torque_limits``.
+
+    Raises:
+        MobmanError: If the solver, of the extra named ``extra``, is not installed.
+    """
+
+    extra: str
+
+    def __init__(self, gains: Any) -> None:
+        super().__init__(gains)
+        self._solve = solver(self.name, self.extra)
+
+    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
+        """Start again, with the limits that act."""
+        self._limits = self.torque_limits(robot, self.gains.torque_limits)
+        super().reset(robot, task, dt)
+        self._settings |= {"torque_limits": plain_limits(self._limits)}
+
+    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
+        """The torque for the tick, within the limits, shape (nz,)."""
+        v = super().step(t, q, z, z_dot)
+        return np.clip(v, -self._limits, self._limits)  # the solver's tolerance
 
 
 def solver(law: str, extra: str) -> Solve:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.orientation import REASONS, OrientationError, Turn
 from mobman.tasks.task import Task, task_entry, task_map_of
 
+Entry = Callable[[], int]
+"""What a law calls at every tick: 0, or a :class:`Stop`."""
+
 
 class Stop(IntEnum):
     """Reason why a law has no torque."""
@@ -27,20 +31,25 @@ class Stop(IntEnum):
     NO_INVERSE = 2
     NO_ACCELERATION = 3
 
-    @property
-    def reason(self) -> str:
-        """The reason in words."""
-        return {
-            Stop.NOT_DEFINITE: "the nominal inertia M is not positive definite",
-            Stop.NO_INVERSE: "the actuation matrix B has no inverse",
-            Stop.NO_ACCELERATION: "the task's Jacobian is singular",
-        }[self]
-
     def error(self, extended: bool) -> SingularityError:
         """The error of a law whose task is the extended one of (13), or the tip's alone."""
-        task = "J" if extended else "J_e"
-        matrix = {Stop.NOT_DEFINITE: "M", Stop.NO_INVERSE: "B", Stop.NO_ACCELERATION: task}[self]
-        return SingularityError(self.reason, matrix)
+        reason, matrix = {
+            Stop.NOT_DEFINITE: ("the nominal inertia M is not positive definite", "M"),
+            Stop.NO_INVERSE: ("the actuation matrix B has no inverse", "B"),
+            Stop.NO_ACCELERATION: ("the task's Jacobian is singular", "J" if extended else "J_e"),
+        }[self]
+        return SingularityError(reason, matrix)
+
+
+class Tracking(NamedTuple):
+    """What kernels of laws take of a :class:`TaskSpace`, and the state."""
+
+    f: Vector
+    J: Matrix
+    J_dot_z: Vector
+    p_d: Matrix
+    q: Vector
+    z: Vector
 
 
 class TaskSpace:
@@ -65,6 +74,7 @@ class TaskSpace:
         J: Shape (p, nz).
         J_dot_z: Shape (p,).
         p_d: p_d, p_d', p_d'' and p_d''', shape (4, m); see :func:`desired`.
+        tracking: These four and the state.
         task_map: f_e.
     """
 
@@ -79,6 +89,7 @@ class TaskSpace:
         then: tuple[Callable[[], object], ...] = (task_entry(task, self._t, given),)
         self._J_f, rates, fill = task_map.rows_of(now)
         self._turn: Turn | None = None
+        extended = None
         if criterion is None:
             self.f = now.tip[:m] if m <= 3 else np.zeros(m)
             self.J, self.J_dot_z = np.zeros((m, nz)), np.zeros(m)
@@ -86,11 +97,11 @@ class TaskSpace:
             extended = ExtendedJacobian(robot, task_map, criterion, now)
             self.f, self.J, self.J_dot_z = extended.f, extended.J, extended.J_dot_z
         if m > 3:
-            error = OrientationError(task_map, now, given)
-            self._turn = error.turn
-            then += error.rates(self.f, self.J, self.J_dot_z, self.p_d)
+            orientation = OrientationError(task_map, now, given)
+            self._turn = orientation.turn
+            then += orientation.rates(self.f, self.J, self.J_dot_z, self.p_d)
         self._update: Callable[[], int | None]
-        if criterion is None:
+        if extended is None:
             own = (now.C, now.q_dot, now.C_dot_z, self.J, self.J_dot_z)
             tip = (now.tip_kinematics, *fill, bind(tip_rates, self._J_f, rates, *own))
             self._update = sequence(*tip, *then)
@@ -99,6 +110,7 @@ class TaskSpace:
             self._update = extended.update
         self._velocity = sequence(now.velocity)
         self.p = len(self.f)
+        self.tracking = Tracking(self.f, self.J, self.J_dot_z, self.p_d, now.q, now.z)
 
     def aligned_jacobian(self) -> Array:
         """J at the last state as it is without an orientation error, up to the axes of its rows, shape
@@ -158,21 +170,27 @@ def take_acceleration(measured: Array, z_dot: Array) -> None:
 
 @kernel
 def tip_rates(
-    J_f: Matrix,
-    J_f_rate: Matrix,
-    C: Matrix,
-    q_dot: Vector,
-    C_dot_z: Vector,
-    J: Matrix,
-    J_dot_z: Vector,
+    J_f: Matrix, rate: Matrix, C: Matrix, q_dot: Vector, C_dot_z: Vector, J: Matrix, J_dot_z: Vector
 ) -> None:
     """j_e = J_f C of (43), and J' z = J_f' q' + J_f C' z."""
     multiply(J_f, C, J)
     for i in range(J_dot_z.shape[0]):
-        J_dot_z[i] = dot(J_f_rate[i], q_dot) + dot(J_f[i], C_dot_z)
+        J_dot_z[i] = dot(rate[i], q_dot) + dot(J_f[i], C_dot_z)
 
 
 @kernel
 def desired(p_d: Matrix, order: int, i: int) -> float:
     """Component i of a derivative of p_d; 0 for the auxiliary coordinates, p_d^a = 0 under (13)."""
     return p_d[order, i] if i < p_d.shape[1] else 0.0
+
+
+@kernel
+def error(at: Tracking, i: int) -> float:
+    """Component i of e = f - p_d."""
+    return float(at.f[i] - desired(at.p_d, 0, i))
+
+
+@kernel
+def error_rate(at: Tracking, i: int) -> float:
+    """Component i of e' = J z - p_d'."""
+    return float(dot(at.J[i], at.z) - desired(at.p_d, 1, i))

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.compiled import bind, sequence
-from mobman.controllers.baselines import (
-    ResolvedAcceleration,
-    SecondaryGains,
-    tracking_acceleration,
-)
-from mobman.controllers.gains import gain, require_not_negative, require_positive
+from mobman.compiled import sequence
+from mobman.controllers.baselines import ResolvedAcceleration, SecondaryGains
+from mobman.controllers.gains import NotNegative, Positive, gain
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import Stop, TaskSpace
+from mobman.controllers.task_errors import Entry, Stop, TaskSpace
 from mobman.errors import GainError
 from mobman.model.joint_limits import LimitZones
 from mobman.model.metric import base_metric, unit_stiffness
@@ -30,20 +25,21 @@ _POSTURES, _NEAR = 20, 0.5  # how many, within how much of the rest posture (rad
 class PriorityGains(SecondaryGains):
     """Gains of the tip's task, of the secondary one, and of the inverse near singularities."""
 
-    k_l: float = gain(5.0, "s^-1", "speed away from a joint's limit in z_0, per depth in its zone")
-    zone: float = gain(0.1, "1", "share of a joint's range, at each end, that is avoided")
-    epsilon: float = gain(
+    k_l: NotNegative = gain(
+        5.0, "s^-1", "speed away from a joint's limit in z_0, per depth in its zone"
+    )
+    zone: NotNegative = gain(0.1, "1", "share of a joint's range, at each end, that is avoided")
+    epsilon: Positive = gain(
         0.3, "1", "the inverse is damped below so many times sigma_min(J) near the rest posture"
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "epsilon")
-        require_not_negative(self, "k_l", "zone")
         if self.zone > 0.5:
             raise GainError(f"zone = {self.zone!r}: must be at most 0.5, where both zones meet")
 
 
+@controllers.register("task-priority")
 class TaskPriority(ResolvedAcceleration):
     r"""Resolved acceleration of the tip, and below it a secondary task in its null space:
 
@@ -71,15 +67,13 @@ class TaskPriority(ResolvedAcceleration):
     Gains = PriorityGains
     uses = ("M", "bias", "J'", "limits")
 
-    def acceleration(
-        self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> Callable[[], int]:
+    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
         """See :class:`ResolvedAcceleration`."""
-        gains, now, wanted = self.gains, space.now, np.zeros(space.p)
-        root = np.sqrt(base_metric(robot))
-        epsilon = float(gains.epsilon) * usual_singular_value(robot, space.task_map, root)
-        k_d, k_0 = float(gains.k_d), float(gains.k_0) * unit_stiffness(robot, self.criterion)
-        zones, back = LimitZones(robot, float(gains.zone)), np.zeros(robot.nz)
+        now, wanted, root = space.now, np.zeros(space.p), np.sqrt(base_metric(robot))
+        k_d, k_0, k_l, zone, epsilon = self.numbers("k_d", "k_0", "k_l", "zone", "epsilon")
+        k_0 *= unit_stiffness(robot, self.criterion)
+        epsilon *= usual_singular_value(robot, space.task_map, root)
+        zones, back = LimitZones(robot, zone), np.zeros(robot.nz)
 
         def prioritise() -> int:
             # J Omega^1/2 = U S V^T, in the coordinates zeta = Omega^-1/2 z
@@ -88,7 +82,7 @@ class TaskPriority(ResolvedAcceleration):
             except np.linalg.LinAlgError:  # J is not finite
                 return Stop.NO_ACCELERATION
             damped = np.maximum(sigma, epsilon) ** 2
-            back[robot.n_alpha :] = -float(gains.k_l) * zones.depth(now.q)
+            back[robot.n_alpha :] = -k_l * zones.depth(now.q)
             secondary = back - k_0 * root**2 * (now.C.T @ self.criterion.gradient(now.q))
             zeta_0, zeta = secondary / root, now.z / root
             # k_d (I - V V^T) zeta_0 - k_d (I - V S^2/damped V^T) zeta
@@ -97,9 +91,7 @@ class TaskPriority(ResolvedAcceleration):
             z_dot[:] = root * (k_d * (zeta_0 - zeta) + along @ Vt)
             return 0
 
-        given = (space.f, space.J, space.J_dot_z, space.p_d, now.z)
-        track = bind(tracking_acceleration, *given, float(gains.K_p), float(gains.K_v), wanted)
-        return sequence(track, prioritise)
+        return sequence(self.resolved(space, wanted), prioritise)
 
 
 def usual_singular_value(robot: MobileManipulator, task_map: TaskMap, root: Array) -> float:
@@ -113,6 +105,3 @@ def usual_singular_value(robot: MobileManipulator, task_map: TaskMap, root: Arra
         J = task_map.jacobian(robot.tip_kinematics(q, np.zeros(robot.nz))) @ robot.velocity_map(q)
         found.append(np.linalg.svd(J * root, compute_uv=False)[-1])
     return float(np.median(found))
-
-
-controllers.register(TaskPriority.name, TaskPriority)

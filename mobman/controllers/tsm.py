@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -26,17 +26,15 @@ from mobman.controllers.delay import UnderWay, automatic_metric_scale, predict_a
 from mobman.controllers.gains import (
     Auto,
     Diagonal,
+    NotNegative,
+    Positive,
     as_settings,
+    at_least_one,
+    bound,
     diagonal,
     gain,
     odd_ratio,
-    require_at_least_one,
-    require_bound,
-    require_choice,
-    require_not_negative,
-    require_positive,
-    require_positive_diagonal,
-    require_ticks,
+    ticks,
 )
 from mobman.controllers.limits import (
     Cap,
@@ -47,11 +45,17 @@ from mobman.controllers.limits import (
     caps_of,
     hedge,
     plain_limits,
-    require_caps,
-    require_torque_limits,
 )
 from mobman.controllers.protocol import DisplayedLaw, controllers
-from mobman.controllers.task_errors import Stop, TaskSpace, desired, take_acceleration
+from mobman.controllers.task_errors import (
+    Stop,
+    TaskSpace,
+    Tracking,
+    desired,
+    error,
+    error_rate,
+    take_acceleration,
+)
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
 from mobman.errors import GainError
 from mobman.linalg import apply_transpose, dot, gram, norm, solve
@@ -68,49 +72,53 @@ class CascadeGains(CriterionGains):
 
     Lambda_0: Diagonal = gain(11.0, _MIXED, "Lambda_0 of (51)")
     Lambda_1: Diagonal = gain(6.0, _MIXED, "Lambda_1 of (51)")
-    C: float = gain(2.0, "1", "C of (55), at least 1")
-    C_0: float = gain(1.0, "N m/s", "C_0 of (55)")
-    A: float | Auto = gain("auto", "1", "lower bound of lambda_min(B B^T), (54), or A' of (64)")
-    w_3: float = gain(3.0, "rad^-1", "factor of |v||z| in chi, (53)")
-    w_4: float = gain(9.0, "kg m^2", "factor of |z|^3 in chi, (53)")
-    w_5: float = gain(12.0, "N m/rad", "factor of |z| + |z| beta_0 in chi, (53)")
-    w_6: float = gain(0.0, "1", "factor of beta_1 in chi, (53)")
-    w_7: float = gain(
+    C: Annotated[float, at_least_one("Theorem 2")] = gain(2.0, "1", "C of (55), at least 1")
+    C_0: Positive = gain(1.0, "N m/s", "C_0 of (55)")
+    A: Annotated[float | Auto, bound("0 < A <= lambda_min(B B^T) (54)")] = gain(
+        "auto", "1", "lower bound of lambda_min(B B^T), (54), or A' of (64)"
+    )
+    w_3: NotNegative = gain(3.0, "rad^-1", "factor of |v||z| in chi, (53)")
+    w_4: NotNegative = gain(9.0, "kg m^2", "factor of |z|^3 in chi, (53)")
+    w_5: NotNegative = gain(12.0, "N m/rad", "factor of |z| + |z| beta_0 in chi, (53)")
+    w_6: NotNegative = gain(0.0, "1", "factor of beta_1 in chi, (53)")
+    w_7: NotNegative = gain(
         6.0, "kg m^2", "factor of |Lambda_0 E^a1 + Lambda_1 E'^a2 - v_ref'| in chi, (53)"
     )
-    w_8: float = gain(0.011, "kg m^2", "factor of |z||S| in chi, (53)")
-    w_9: float = gain(6.0, "kg m^2", "factor of |z||z'| in chi, (53)")
-    beta_0: float = gain(0.0, "N m", "bound of |D|, (18)")
-    beta_1: float = gain(0.0, "N m/s", "bound of |D'|, (18)")
+    w_8: NotNegative = gain(0.011, "kg m^2", "factor of |z||S| in chi, (53)")
+    w_9: NotNegative = gain(6.0, "kg m^2", "factor of |z||z'| in chi, (53)")
+    beta_0: NotNegative = gain(0.0, "N m", "bound of |D|, (18)")
+    beta_1: NotNegative = gain(0.0, "N m/s", "bound of |D'|, (18)")
     lambda_0: Diagonal = gain(1.0, _MIXED, "lambda_0 of (31)")
     lambda_1: Diagonal = gain(11.0, _MIXED, "lambda_1 of (31)")
     lambda_2: Diagonal = gain(6.0, _MIXED, "lambda_2 of (31)")
-    c: float = gain(2.0, "1", "c of (34), at least 1")
-    c_0: float = gain(1.0, "m/s^3", "c_0 of (34)")
-    a: float | Auto = gain("auto", "1", "lower bound of lambda_min(J J^T), (22)")
-    w_1: float = gain(1.5, "1", "bound of |J|, |dJ/dq|, |d2J/dq2|, (21)")
-    w_2: float = gain(0.001, "rad^-1", "growth of that bound with |q - q_rest|, (21)")
-    w_3k: float = gain(2.0, "1", "factor of |v_ref||z| in W, (34)")
-    w_4k: float = gain(3.0, "1", "factor of |z|^3 in W, (34)")
+    c: Annotated[float, at_least_one("Theorem 1")] = gain(2.0, "1", "c of (34), at least 1")
+    c_0: Positive = gain(1.0, "m/s^3", "c_0 of (34)")
+    a: Annotated[float | Auto, bound("0 < a <= lambda_min(J J^T) (22)")] = gain(
+        "auto", "1", "lower bound of lambda_min(J J^T), (22)"
+    )
+    w_1: Positive = gain(1.5, "1", "bound of |J|, |dJ/dq|, |d2J/dq2|, (21)")
+    w_2: NotNegative = gain(0.001, "rad^-1", "growth of that bound with |q - q_rest|, (21)")
+    w_3k: Positive = gain(2.0, "1", "factor of |v_ref||z| in W, (34)")
+    w_4k: Positive = gain(3.0, "1", "factor of |z|^3 in W, (34)")
     bounds: Literal["given", "computed"] = gain(
         "given", "", "w_1 to w_9, a and A: given, computed (as `mobman robots bounds`, when reset)"
     )
     discretization: Literal["implicit", "explicit"] = gain(
         "implicit", "", "of the unit vectors: implicit, explicit"
     )
-    boundary_layer: float = gain(
+    boundary_layer: NotNegative = gain(
         0.0, "that of s, of S", "width in which s/|s| becomes s/width; 0: none"
     )
-    metric_scale: float | Auto = gain(
+    metric_scale: Annotated[float | Auto, bound("it is a factor of an inertia")] = gain(
         "auto", "1", "factor of the nominal M in the implicit form's metric"
     )
-    delay_ticks: int | None = gain(
+    delay_ticks: Annotated[int, ticks] | None = gain(
         None, "ticks", "how late torques act, which is predicted; None: not told, and 1 is borne"
     )
-    lightest: float = gain(
+    lightest: Positive = gain(
         1.0, "1", "least true inertia over the nominal one, for metric_scale = 'auto'"
     )
-    damping: float = gain(
+    damping: NotNegative = gain(
         0.0, "1", "J J^T is damped below so many times its bound (22), see theory; 0: never"
     )
     saturation: Literal["none", "hedge"] = gain(
@@ -128,21 +136,6 @@ class CascadeGains(CriterionGains):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive_diagonal(self, "lambda_0", "lambda_1", "lambda_2", "Lambda_0", "Lambda_1")
-        require_positive(self, "c_0", "w_1", "w_3k", "w_4k", "C_0", "lightest")
-        require_not_negative(self, "w_2", "w_3", "w_4", "w_5", "w_6", "w_7", "w_8", "w_9")
-        require_not_negative(self, "beta_0", "beta_1", "boundary_layer", "damping")
-        require_bound(self, "metric_scale", "it is a factor of an inertia")
-        require_ticks(self, "delay_ticks")
-        require_at_least_one(self, "c", "Theorem 1")
-        require_at_least_one(self, "C", "Theorem 2")
-        require_bound(self, "a", "0 < a <= lambda_min(J J^T) (22)")
-        require_bound(self, "A", "0 < A <= lambda_min(B B^T) (54)")
-        require_choice(self, "bounds", ("given", "computed"))
-        require_choice(self, "discretization", ("implicit", "explicit"))
-        require_choice(self, "saturation", ("none", "hedge"))
-        require_torque_limits(self.torque_limits)
-        require_caps(self, "v_max", "a_max")
         if self.damping and self.discretization != "implicit":
             raise GainError(
                 f"damping = {self.damping!r}: only the implicit form has a damped stage; allowed: 0"
@@ -165,7 +158,9 @@ class SlidingGains(CascadeGains):
 POWERS = {"p_0": 9 / 7, "p_1": 1 / 3, "p_2": 3 / 5}
 """Exponents of (31): of e' and of the bracket in which it stands, and of e''."""
 _NUMBERS = ["a", "A", "dt", "alpha_1", "alpha_2", "metric_scale", *POWERS] + [
-    field.name for field in fields(CascadeGains) if field.type == "float"
+    one.name
+    for one in fields(CascadeGains)
+    if type(one.default) is float and one.type != "Diagonal"
 ]
 _FLAGS = ["implicit", "inverse"]
 IN_FORCE = np.dtype([*((name, float) for name in _NUMBERS), *((name, bool) for name in _FLAGS)])
@@ -201,10 +196,10 @@ class SlidingStage(NamedTuple):
         Raises:
             GainError: If one of them has another length than p.
         """
-        s, g, integral, drift, b, n = np.zeros((6, p))
         diagonals = np.array([diagonal(name, getattr(gains, name), p) for name in names])
-        square, work = np.zeros((p, p)), np.zeros((p + 2, p))
         caps = np.array([caps_of(gains.v_max), caps_of(gains.a_max)])
+        square, work = np.zeros((p, p)), np.zeros((p + 2, p))
+        s, g, integral, drift, b, n = np.zeros((6, p))
         return cls(s, g, integral, drift, b, n, diagonals, caps, np.eye(p), square, work)
 
 
@@ -220,40 +215,31 @@ class Held(NamedTuple):
 
 @kernel
 def kinematic_gain(
-    gains: Any,
-    stage: SlidingStage,
-    held: Held,
-    f: Vector,
-    J: Matrix,
-    J_dot_z: Vector,
-    p_d: Matrix,
-    q: Vector,
-    q_rest: Vector,
-    z: Vector,
+    gains: Any, stage: SlidingStage, held: Held, at: Tracking, q_rest: Vector
 ) -> float:
     """Fill s, g and the drift: c/a (W + c_0) of (34), or of (44) where f and J are the tip's."""
     k, s, g, v_ref = gains[0], stage.s, stage.g, held.v_ref
     lambda_0, lambda_1, lambda_2 = stage.gains[0], stage.gains[1], stage.gains[2]
     # the bracket of (31), with caps on both of its parts that are not there near the target
-    bracket, m = stage.b, p_d.shape[1]
+    bracket, m = stage.b, at.p_d.shape[1]
     for i in range(s.shape[0]):
-        bracket[i] = lambda_0[i] ** k.p_0 * (f[i] - desired(p_d, 0, i))
+        bracket[i] = lambda_0[i] ** k.p_0 * error(at, i)
     cap(bracket, m, stage.caps[0], k.p_0, lambda_1, 0.0)
     for i in range(s.shape[0]):
-        bracket[i] += power(dot(J[i], z) - desired(p_d, 1, i), k.p_0)
+        bracket[i] += power(error_rate(at, i), k.p_0)
     cap(bracket, m, stage.caps[1], k.p_2 / k.p_1, lambda_1, k.p_2 / k.p_1)
     for i in range(s.shape[0]):
         # errors of (26), the second derivative along the reference
-        e_ddot = dot(J[i], v_ref) + J_dot_z[i] - desired(p_d, 2, i)
+        e_ddot = dot(at.J[i], v_ref) + at.J_dot_z[i] - desired(at.p_d, 2, i)
         # s and the integrand g in it (31)
         g[i] = lambda_2[i] * power(e_ddot, k.p_2)
         g[i] += lambda_2[i] * lambda_1[i] ** k.p_2 * power(bracket[i], k.p_1)
         s[i] = e_ddot + stage.integral[i]
-        stage.drift[i] = g[i] - desired(p_d, 3, i)
+        stage.drift[i] = g[i] - desired(at.p_d, 3, i)
     # W under (34), with the bound of (21)
-    size_z, deviation = norm(z), 0.0
-    for i in range(q.shape[0]):
-        deviation += (q[i] - q_rest[i]) ** 2
+    size_z, deviation = norm(at.z), 0.0
+    for i in range(q_rest.shape[0]):
+        deviation += (at.q[i] - q_rest[i]) ** 2
     bound = k.w_1 + k.w_2 * math.sqrt(deviation)
     W = norm(stage.drift) + bound * (k.w_3k * norm(v_ref) * size_z + k.w_4k * size_z**3)
     return float(k.c / k.a * (W + k.c_0))
@@ -261,24 +247,15 @@ def kinematic_gain(
 
 @kernel
 def kinematic_stage(
-    gains: Any,
-    stage: SlidingStage,
-    held: Held,
-    f: Vector,
-    J: Matrix,
-    J_dot_z: Vector,
-    p_d: Matrix,
-    q: Vector,
-    q_rest: Vector,
-    z: Vector,
+    gains: Any, stage: SlidingStage, held: Held, at: Tracking, q_rest: Vector
 ) -> int:
     """v_ref' = J^T u_ref (35) of u_ref (34); (43) of (44) where f and J are the tip's."""
-    gain = kinematic_gain(gains, stage, held, f, J, J_dot_z, p_d, q, q_rest, z)
-    gram(J, stage.gram)
+    gain = kinematic_gain(gains, stage, held, at, q_rest)
+    gram(at.J, stage.gram)
     # u_ref = -c/a (W + c_0) n (34)
     if not unit_vector(gains[0], stage, gain):
         return Stop.NOT_DEFINITE
-    apply_transpose(J, stage.n, held.v_ref_dot)
+    apply_transpose(at.J, stage.n, held.v_ref_dot)
     for i in range(held.v_ref_dot.shape[0]):
         held.v_ref_dot[i] *= -gain
     return 0
@@ -286,28 +263,18 @@ def kinematic_stage(
 
 @kernel
 def damped_stage(
-    gains: Any,
-    stage: SlidingStage,
-    held: Held,
-    f: Vector,
-    J: Matrix,
-    J_dot_z: Vector,
-    p_d: Matrix,
-    q: Vector,
-    q_rest: Vector,
-    z: Vector,
-    own: Damping,
+    gains: Any, stage: SlidingStage, held: Held, at: Tracking, q_rest: Vector, own: Damping
 ) -> int:
     """v_ref' as in :func:`kinematic_stage`, with J J^T + R where J J^T is nearly singular, and y in the
     directions that it leaves, see :mod:`mobman.controllers.damped`."""
     k = gains[0]
-    gain = kinematic_gain(gains, stage, held, f, J, J_dot_z, p_d, q, q_rest, z)
-    gram(J, stage.gram)
-    damp(k.dt, stage.gram, stage.drift, own, held.v_ref, J, z, p_d.shape[1])
+    gain = kinematic_gain(gains, stage, held, at, q_rest)
+    gram(at.J, stage.gram)
+    damp(k.dt, stage.gram, stage.drift, own, held.v_ref, at.J, at.z, at.p_d.shape[1])
     if not unit_vector(k, stage, gain):
         return Stop.NOT_DEFINITE
-    apply_transpose(J, stage.n, held.v_ref_dot)
-    for j in range(z.shape[0]):
+    apply_transpose(at.J, stage.n, held.v_ref_dot)
+    for j in range(at.z.shape[0]):
         held.v_ref_dot[j] = own.y[j] - gain * held.v_ref_dot[j]
     for i in range(stage.s.shape[0]):
         stage.integral[i] -= k.dt * gain * own.R[i] * stage.n[i]  # what R leaves of s
@@ -419,6 +386,10 @@ def in_force(gains: CascadeGains, dt: float, a: float, A: float, inverse: bool) 
 # The controllers --------------------------------------------------------------------------------------
 
 
+Entries = list[Callable[[], Any]]
+
+
+@controllers.register("tsm")
 class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
     """Kinematic stage on the extended Jacobian's transpose, v_ref' = J^T u_ref (34)-(35); dynamic
     stage on the actuation matrix's transpose, v' = B^T u (55)-(56)."""
@@ -457,25 +428,24 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             self._settings["torque_limits"] = plain_limits(limits)
         now, nz = space.now, robot.nz
         self._now, self._z_dot = now, np.zeros(nz)
-        self._kinematic = SlidingStage.of(gains, space.p, "lambda_0", "lambda_1", "lambda_2")
-        self._dynamic = SlidingStage.of(gains, nz, "Lambda_0", "Lambda_1")
-        self._held = Held(*np.zeros((5, nz)))
-        kinematic, dynamic, held = self._kinematic, self._dynamic, self._held
+        kinematic = self._kinematic = SlidingStage.of(
+            gains, space.p, "lambda_0", "lambda_1", "lambda_2"
+        )
+        dynamic = self._dynamic = SlidingStage.of(gains, nz, "Lambda_0", "Lambda_1")
+        held = self._held = Held(*np.zeros((5, nz)))
         k = in_force(gains, dt, a, A, self.inverse_actuation)
         motion = (now.z, self._z_dot, now.M, now.B)
-        state = (space.f, space.J, space.J_dot_z, space.p_d, now.q, robot.q_rest, now.z)
-        self._law = sequence(
+        entries = [
             now.inertia,
-            *self._reference(robot, (k, kinematic, held, *state)),
+            *self._reference(robot, (k, kinematic, held, space.tracking, robot.q_rest)),
             *self._prediction(),
             bind(dynamic_stage, k, dynamic, held, *motion),
             bind(integrate, k, kinematic, dynamic, held),
-            *(
-                [bind(hedge, dt, limits, kinematic, held, space.J, *motion, Hedge.of(robot.nz))]
-                if np.isfinite(limits).any()
-                else []
-            ),
-        )
+        ]
+        if np.isfinite(limits).any():
+            given = (dt, limits, kinematic, held, space.J, *motion, Hedge.of(nz))
+            entries.append(bind(hedge, *given))
+        self._law = sequence(*entries)
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque v for the tick, shape (nz,); see :class:`Controller`."""
@@ -515,27 +485,22 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             "sliding/z_dot": self._z_dot,
         }
 
-    def _reference(
-        self, robot: MobileManipulator, stage: tuple[Any, ...]
-    ) -> list[Callable[[], Any]]:
+    def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> Entries:
         """Entries that give v_ref', from the arguments of :func:`kinematic_stage`."""
         if not self.gains.damping:
             return [bind(kinematic_stage, *stage)]
-        task, space = self._task, self._space
-        tip = jacobian_bound(robot, task, TaskSpace(robot, task), self.metric(robot))
-        bounds = (self._settings["a"], tip)
-        own = Damping.of(float(self.gains.damping), bounds, space.p, robot.nz)
+        tip = TaskSpace(robot, self._task)
+        bounds = self._settings["a"], jacobian_bound(robot, self._task, tip, self.metric(robot))
+        own = Damping.of(float(self.gains.damping), bounds, self._space.p, robot.nz)
         return [bind(damped_stage, *stage, own)]
 
-    def _prediction(self) -> list[Callable[[], Any]]:
+    def _prediction(self) -> Entries:
         """Entries that put the predicted z' in the place of the measured one."""
         delay, now = self.gains.delay_ticks, self._now
         if not delay:
             return []
-        under_way = UnderWay.of(delay, len(self._z_dot))
-        stop = Stop.NOT_DEFINITE.value
-        arguments = (under_way, self._held.v, now.M, now.B, self._z_dot, stop)
-        return [bind(predict_acceleration, *arguments)]
+        given = (self._held.v, now.M, now.B, self._z_dot, Stop.NOT_DEFINITE.value)
+        return [bind(predict_acceleration, UnderWay.of(delay, len(self._z_dot)), *given)]
 
     def _with_bounds(self, robot: MobileManipulator, task: Task) -> CascadeGains:
         """The gains, with the constants of the theorems computed where that is asked for."""
@@ -566,6 +531,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         return a, A
 
 
+@controllers.register("tsm-simplified")
 class SimplifiedTerminalSlidingMode(TerminalSlidingMode):
     """Kinematic stage on the tip Jacobian's transpose, v_ref' = j_e^T u_ref (43)-(44); dynamic stage
     as in ``tsm`` (55)-(56). What the tip leaves free is not controlled: ``c_F`` and ``K_F`` have no
@@ -575,13 +541,10 @@ class SimplifiedTerminalSlidingMode(TerminalSlidingMode):
     extended = False
 
 
+@controllers.register("tsm-inverse-actuation")
 class InverseActuationSlidingMode(TerminalSlidingMode):
     """Kinematic stage as in ``tsm`` (34)-(35); dynamic stage v' = B^-1 u (65)-(66), with the gain
     ``A`` in the place of A' of (64)."""
 
     name = "tsm-inverse-actuation"
     inverse_actuation = True
-
-
-for _law in (TerminalSlidingMode, SimplifiedTerminalSlidingMode, InverseActuationSlidingMode):
-    controllers.register(_law.name, _law)

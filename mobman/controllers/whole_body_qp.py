@@ -2,49 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.compiled import bind, sequence
-from mobman.controllers.baselines import (
-    ResolvedAcceleration,
-    SecondaryGains,
-    tracking_acceleration,
-)
-from mobman.controllers.gains import gain, require_positive
-from mobman.controllers.limits import (
-    LimitedMotors,
-    TorqueLimits,
-    plain_limits,
-    require_torque_limits,
-)
+from mobman.compiled import sequence
+from mobman.controllers.baselines import SecondaryGains
+from mobman.controllers.gains import Positive, gain
+from mobman.controllers.limits import TorqueLimits
 from mobman.controllers.protocol import controllers
-from mobman.controllers.quadratic_program import solver
-from mobman.controllers.task_errors import TaskSpace
+from mobman.controllers.quadratic_program import LimitedProgram
+from mobman.controllers.task_errors import Entry, TaskSpace
 from mobman.model.metric import base_metric, unit_stiffness
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholeBodyGains(SecondaryGains):
     """Gains of the tip's task, of what it leaves free, and of the approach to limits."""
 
-    rho: float = gain(1e-5, "1", "weight of that, against the tip's task")
-    kappa: float = gain(10.0, "s^-1", "rate at which a velocity or a joint may approach its limit")
+    rho: Positive = gain(1e-5, "1", "weight of that, against the tip's task")
+    kappa: Positive = gain(
+        10.0, "s^-1", "rate at which a velocity or a joint may approach its limit"
+    )
     torque_limits: TorqueLimits = gain(None, "N m, N", "limits of |v|, by default those that act")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "rho", "kappa")
-        require_torque_limits(self.torque_limits)
 
-
-class WholeBodyQP(LimitedMotors, ResolvedAcceleration):
+@controllers.register("whole-body-qp")
+class WholeBodyQP(LimitedProgram):
     r"""The acceleration that is nearest to the tip's task within the limits, by a quadratic program:
 
     .. math:: \min_{\dot z}\ |J\dot z - (\ddot p_d - K_v \dot e - K_p e - \dot J z)|^2
@@ -69,38 +55,19 @@ class WholeBodyQP(LimitedMotors, ResolvedAcceleration):
     Automation Letters 3(1), 2018; D. Arnstrom, A. Bemporad, D. Axehill, "A dual active-set solver for
     embedded quadratic programming using recursive LDL^T updates", IEEE Transactions on Automatic
     Control 67(8), 2022, which is the solver.
-
-    Raises:
-        MobmanError: If the solver, of the extra ``qp``, is not installed.
     """
 
     name = "whole-body-qp"
+    extra = "qp"
     Gains = WholeBodyGains
     uses = ("M", "bias", "J'", "limits")
 
-    def __init__(self, gains: Any) -> None:
-        super().__init__(gains)
-        self._solve = solver(self.name, "qp")
-
-    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start again, with the limits that act."""
-        self._limits = self.torque_limits(robot, self.gains.torque_limits)
-        super().reset(robot, task, dt)
-        self._settings |= {"torque_limits": plain_limits(self._limits)}
-
-    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
-        """The torque for the tick, within the limits, shape (nz,)."""
-        v = super().step(t, q, z, z_dot)
-        return np.clip(v, -self._limits, self._limits)  # the solver's tolerance
-
-    def acceleration(
-        self, robot: MobileManipulator, space: TaskSpace, z_dot: Array
-    ) -> Callable[[], int]:
-        """See :class:`ResolvedAcceleration`."""
-        gains, now, wanted = self.gains, space.now, np.zeros(space.p)
-        root, rho, solve = np.sqrt(base_metric(robot)), float(gains.rho), self._solve
-        k_d, k_0 = float(gains.k_d), float(gains.k_0) * unit_stiffness(robot, self.criterion)
-        bounds = JointBounds(robot, float(gains.kappa))
+    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
+        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
+        now, wanted, solve = space.now, np.zeros(space.p), self._solve
+        rho, kappa, k_d, k_0 = self.numbers("rho", "kappa", "k_d", "k_0")
+        root, k_0 = np.sqrt(base_metric(robot)), k_0 * unit_stiffness(robot, self.criterion)
+        bounds = JointBounds(robot, kappa)
         limited = np.flatnonzero(np.isfinite(self._limits))
         limit, motors = self._limits[limited], len(limited)
         soft = np.arange(motors + len(bounds.joints)) >= motors
@@ -120,9 +87,7 @@ class WholeBodyQP(LimitedMotors, ResolvedAcceleration):
             z_dot[:] = root * solve(H, f, A, lower, upper, soft)
             return 0
 
-        given = (space.f, space.J, space.J_dot_z, space.p_d, now.z)
-        track = bind(tracking_acceleration, *given, float(gains.K_p), float(gains.K_v), wanted)
-        return sequence(track, minimise)
+        return sequence(self.resolved(space, wanted), minimise)
 
 
 class JointBounds:
@@ -150,6 +115,3 @@ class JointBounds:
         ends = (kappa**2 * (end - q) - 2.0 * kappa * q_dot for end in (self._lower, self._upper))
         least, largest = (np.clip(end, slowest, fastest) for end in ends)
         return least, largest
-
-
-controllers.register(WholeBodyQP.name, WholeBodyQP)

@@ -9,42 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from mobman.arrays import Array, Columns, Index, Matrix, Vector
+from mobman.arrays import Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.linalg import apply
 from mobman.model.platforms.platform import (
     ArmJoints,
     Motion,
-    Platform,
     assemble_constraints,
     assemble_velocity,
     gather,
 )
-
-
-class Structure(Protocol):
-    """Model and indices of a :class:`mobman.model.mobile_manipulator.MobileManipulator`."""
-
-    model: pin.Model
-    platform: Platform
-    motors: Platform
-    platform_index: Index
-    arm: ArmJoints
-    following_rows: Array
-    q_rest: Array
-    nq: int
-    nz: int
-    n_alpha: int
-    k: int
-    tip_frame: int
-    tip_offset: Array
-    tip_rotation: Array
-    tip_chain: Array
 
 
 class Buffers:
@@ -54,6 +33,9 @@ class Buffers:
     the functions below in the order that they need. Nothing is allocated and nothing is copied; results
     are overwritten by the next state's. All that is written to belongs to the buffers, Pinocchio's
     results included, and nothing to the robot: threads do not disturb each other.
+
+    Args:
+        robot: A :class:`mobman.model.mobile_manipulator.MobileManipulator`, which has some of its own.
 
     Attributes:
         data: Pinocchio's results at the state.
@@ -76,7 +58,7 @@ class Buffers:
         run_jacobians: Pinocchio's part of ``tip_kinematics``; needs q and q_dot.
     """
 
-    def __init__(self, robot: Structure) -> None:
+    def __init__(self, robot: Any) -> None:
         l, p, k, nq, nz = len(robot.platform_index), robot.n_alpha, robot.k, robot.nq, robot.nz
         self._robot = robot
         self.q, self.z = robot.q_rest.copy(), np.zeros(nz)
@@ -92,23 +74,26 @@ class Buffers:
         self.tip_jacobian_rate = np.zeros((6, nq))
         self.tip_rotation, self.tip_axes = np.eye(3), np.zeros((4, 3))
 
-        # local names, since these run many times a tick
-        model, q, q_dot = robot.model, self.q, self.q_dot
-        self.data = data = model.createData()
         # Pinocchio's results where they are, instead of copies at every call
+        self.data = data = robot.model.createData()
         self.joint_inertia, self.nonlinear = data.M, data.nle
-        nonlinear_effects, crba = pin.nonLinearEffects, pin.crba
-        jacobians = pin.computeJointJacobiansTimeVariation
         # In world axes crba computes placements and Jacobians on the way, but loses digits with the
         # distance from the origin: 1e-12 at 30 m.
         world = pin.Convention.WORLD
+        # local names, since these run many times a tick
+        model, q, q_dot = robot.model, self.q, self.q_dot
+        effects, crba, jacobians = (
+            pin.nonLinearEffects,
+            pin.crba,
+            pin.computeJointJacobiansTimeVariation,
+        )
 
         def run_dynamics() -> None:
-            nonlinear_effects(model, data, q, q_dot)
+            effects(model, data, q, q_dot)
             crba(model, data, q)
 
         def run_all() -> None:
-            nonlinear_effects(model, data, q, q_dot)
+            effects(model, data, q, q_dot)
             crba(model, data, q, world)
 
         def run_inertia() -> None:
@@ -122,8 +107,7 @@ class Buffers:
 
     @cached_property
     def _motion(self) -> Motion:
-        mine = vars(self) | {"platform_index": self._robot.platform_index}
-        mine["arm"] = self._robot.arm
+        mine = vars(self) | {"platform_index": self._robot.platform_index, "arm": self._robot.arm}
         return Motion(*(mine[name] for name in Motion._fields))
 
     @cached_property
@@ -160,11 +144,8 @@ class Buffers:
     @cached_property
     def bias_terms(self) -> Callable[[], None]:
         """Fills the bias, after ``velocity`` and ``run_dynamics``."""
-        return bind(
-            reduced_bias,
-            *(self.joint_inertia, self.nonlinear),
-            *(self._robot.platform_index, self._robot.arm, self.N, self.C_dot_z, self.bias),
-        )
+        given = (self.joint_inertia, self.nonlinear, self._robot.platform_index, self._robot.arm)
+        return bind(reduced_bias, *given, self.N, self.C_dot_z, self.bias)
 
     @cached_property
     def tip_kinematics(self) -> Callable[[], None]:
@@ -203,14 +184,8 @@ def reduced_inertia(
 ) -> None:
     """M = C^T M' C and B = C^T B' of (17), by blocks of C = blkdiag(N, I).
 
-    Args:
-        inertia: M', its upper triangle, shape (nq, nq).
-        platform_index: Where x is in q.
-        arm: The other joints.
-        N: Shape (l, l-k).
-        actuation: B'' of the platform, shape (l, l-k).
-        M: For the inertia, shape (nz, nz).
-        B: For the actuation, shape (nz, nz); its platform's block is written, the rest is that of I.
+    ``inertia`` is M', its upper triangle, ``actuation`` B'' of the platform, for whose block of B it is;
+    the rest of B is that of I.
     """
     l, p = N.shape
     n = arm.joints.shape[0]
@@ -258,17 +233,7 @@ def reduced_bias(
     C_dot_z: Vector,
     bias: Vector,
 ) -> None:
-    """Pz + G = C^T (M' C' z + nonlinear) of (17); C' z has entries in the platform's rows only.
-
-    Args:
-        inertia: M', its upper triangle, shape (nq, nq).
-        nonlinear: Coriolis, centrifugal and gravity terms in q, shape (nq,).
-        platform_index: Where x is in q.
-        arm: The other joints.
-        N: Shape (l, l-k).
-        C_dot_z: C' z, shape (nq,).
-        bias: For the result, shape (nz,).
-    """
+    """Pz + G = C^T (M' C' z + nonlinear) of (17); C' z has entries in the platform's rows only."""
     l, p = N.shape
     for a in range(bias.shape[0]):
         bias[a] = 0.0
@@ -298,22 +263,11 @@ def tip_kinematics(
     jacobian: Matrix,
     rate: Matrix,
 ) -> None:
-    """The tip's position, and its Jacobian and the rate of that in world axes, linear rows first.
+    """The tip's position p, and its Jacobian and the rate of that in world axes, linear rows first.
 
     Pinocchio keeps the columns of all joints for a point at the world's origin: the tip's velocity is
-    v + w x p, its rate v' + w' x p + w x p', for the joints that carry it.
-
-    Args:
-        rotation: Of the joint that carries the tip, shape (3, 3).
-        translation: The same (m), shape (3,).
-        offset: The tip in that joint's axes (m), shape (3,).
-        chain: 1 for the joints that move the tip, else 0, shape (nq,).
-        jacobian_origin: Columns of all joints, shape (6, nq).
-        rate_origin: Their rates, shape (6, nq).
-        q_dot: Shape (nq,).
-        position: For p (m), shape (3,).
-        jacobian: For the result, shape (6, nq).
-        rate: For the result, shape (6, nq).
+    v + w x p, its rate v' + w' x p + w x p', for the joints that carry it (``chain`` is 1 for these,
+    else 0). Rotation and translation are of the joint that carries the tip, offset the tip in its axes.
     """
     for i in range(3):
         position[i] = translation[i]

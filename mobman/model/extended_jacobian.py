@@ -130,11 +130,8 @@ class ExtendedJacobian:
     Attributes:
         then: Entries that :meth:`update` calls at its end; set before its first call.
         buffers: The robot's matrices at the state.
-        f: (f_e, f_a) of (13), shape (nz,).
-        J: Shape (nz, nz).
-        J_dot_z: Shape (nz,).
-        complement: The axes of f_a, orthonormal rows of ker j, shape (nz - m, nq). They are carried
-            from state to state.
+        f, J, J_dot_z, complement: As of :class:`ExtendedKinematics`, with f = (f_e, f_a); the rows of
+            the complement are carried from state to state.
     """
 
     def __init__(
@@ -165,23 +162,20 @@ class ExtendedJacobian:
         )
 
     @cached_property
-    def _evaluate_criterion(self) -> Callable[[], None]:
+    def _coordinates(self) -> tuple[Callable[[], object], ...]:
         now, at = self.buffers, self._at
-        return criterion_entry(self._criterion, now.q, now.q_dot, at.g, at.H, at.H_rate)
+        criterion = criterion_entry(self._criterion, now.q, now.q_dot, at.g, at.H, at.H_rate)
+        return (*self._rows, criterion, bind(coordinates, at, self._own))
 
     @cached_property
     def _auxiliary(self) -> Callable[[], int]:
-        return sequence(
-            *self._rows, self._evaluate_criterion, bind(coordinates, self._at, self._own)
-        )
+        return sequence(*self._coordinates)
 
     @cached_property
     def _update(self) -> Callable[[], int]:
-        now, at, own = self.buffers, self._at, self._own
-        return sequence(
-            *(now.constraints, now.tip_kinematics, *self._rows, self._evaluate_criterion),
-            *(bind(coordinates, at, own), bind(rates, at, own), *self.then),
-        )
+        now = self.buffers
+        rest = (bind(rates, self._at, self._own), *self.then)
+        return sequence(now.constraints, now.tip_kinematics, *self._coordinates, *rest)
 
     def auxiliary(self) -> None:
         """Fill f and the complement, after the buffers' ``constraints`` and ``tip_kinematics``.
@@ -203,11 +197,8 @@ class ExtendedJacobian:
 
     def _resolve(self, status: int) -> None:
         if status != GAUGE_LOST:
-            if status in REASONS:
-                raise SingularityError(REASONS[status])
-            raise SingularityError(
-                "j j^T is singular to working precision: a kinematic singularity", "j"
-            )
+            singular = "j j^T is singular to working precision: a kinematic singularity", "j"
+            raise SingularityError(*((REASONS[status],) if status in REASONS else singular))
         # the first state, or one far from the last
         self.complement[:] = _nearest_complement(self._own.j, self._own.rows)
 
@@ -267,8 +258,7 @@ def rates(at: Given, own: Found) -> None:
     copy(at.H_rate, K_rate)
     add_task_hessian_rate(at.tip_jacobian, at.tip_jacobian_rate, lam, min(m, 3), K_rate)
     if m > 3:
-        given = (at.tip_jacobian, at.tip_jacobian_rate)
-        add_turning_hessian_rate(given[0], given[1], lam[3:m], at.axes, K_rate)
+        add_turning_hessian_rate(at.tip_jacobian, at.tip_jacobian_rate, lam[3:m], at.axes, K_rate)
     _add_constraint_hessian(at.platform_index, at.A_x_rate, lam[m:], K_rate)
     # j_e = J_f C of (43), J_a = N K C
     _times_C(j[:m], at, own.J[:m])

@@ -316,43 +316,40 @@ class MobileManipulator(Displayed):
     def constraint_matrix(self, q: Array) -> Array:
         """[A(x) 0] of (1) and (16) in q's order, and below it a row for each joint that follows another,
         shape (k, nq)."""
-        x = _vector("q", q, self.nq)[self.platform_index]
-        own = self._columns(self.platform.constraint_matrix(x))
+        own = self._columns(self.platform.constraint_matrix(self._x(q)))
         return np.concatenate([own, self.following_rows])
 
     def constraint_matrix_rate(self, q: Array, q_dot: Array) -> Array:
         """d/dt of :meth:`constraint_matrix` along q', shape (k, nq)."""
-        index = self.platform_index
-        x, x_dot = _vector("q", q, self.nq)[index], _vector("q_dot", q_dot, self.nq)[index]
-        own = self._columns(self.platform.constraint_matrix_rate(x, x_dot))
-        return np.concatenate([own, np.zeros_like(self.following_rows)])
+        rate = self.platform.constraint_matrix_rate(self._x(q), self._x(q_dot, "q_dot"))
+        return np.concatenate([self._columns(rate), np.zeros_like(self.following_rows)])
 
     def constraint_hessian(self, q: Array, multiplier: Array) -> Array:
         """d([A 0]^T lam)/dq at fixed lam of shape (k,), shape (nq, nq)."""
-        x = _vector("q", q, self.nq)[self.platform_index]
-        multiplier = self._of_platform(multiplier)
-        return self._columns(self._columns(self.platform.constraint_hessian(x, multiplier)).T).T
+        hessian = self.platform.constraint_hessian(self._x(q), self._of_platform(multiplier))
+        return self._columns(self._columns(hessian).T).T
 
     def constraint_hessian_rate(self, q: Array, q_dot: Array, multiplier: Array) -> Array:
         """d/dt of :meth:`constraint_hessian` along q' at fixed lam, shape (nq, nq)."""
-        index = self.platform_index
-        x, x_dot = _vector("q", q, self.nq)[index], _vector("q_dot", q_dot, self.nq)[index]
-        multiplier = self._of_platform(multiplier)
-        rate = self.platform.constraint_hessian_rate(x, x_dot, multiplier)
-        return self._columns(self._columns(rate).T).T
+        given = (self._x(q), self._x(q_dot, "q_dot"), self._of_platform(multiplier))
+        return self._columns(self._columns(self.platform.constraint_hessian_rate(*given)).T).T
 
     def velocity_map(self, q: Array) -> Array:
         """C(q) = blkdiag(N, I) of (9), q' = C z, shape (nq, nz)."""
-        x = _vector("q", q, self.nq)[self.platform_index]
-        matrix = self._by_velocity(self.platform.velocity_map(x))
+        matrix = self._by_velocity(self.platform.velocity_map(self._x(q)))
         matrix[self.arm.joints, self.n_alpha + self.arm.column] = self.arm.ratio
         return matrix
 
     def velocity_map_rate(self, q: Array, z: Array) -> Array:
         """dC/dt along q' = C z, shape (nq, nz)."""
-        x = _vector("q", q, self.nq)[self.platform_index]
+        x = self._x(q)
         x_dot = self.platform.velocity_map(x) @ _vector("z", z, self.nz)[: self.n_alpha]
         return self._by_velocity(self.platform.velocity_map_rate(x, x_dot))
+
+    def _x(self, q: Array, name: str = "q") -> Array:
+        """The platform's part of q, or of another vector of that size."""
+        part: Array = _vector(name, q, self.nq)[self.platform_index]
+        return part
 
     def _columns(self, block: Array) -> Array:
         """A matrix whose columns belong to x, as one whose columns belong to q."""
@@ -363,7 +360,7 @@ class MobileManipulator(Displayed):
     def _by_velocity(self, block: Array) -> Array:
         """A matrix from alpha to x as one from z to q."""
         matrix = np.zeros((self.nq, self.nz))
-        matrix[np.ix_(self.platform_index, np.arange(self.n_alpha))] = block
+        matrix[self.platform_index, : self.n_alpha] = block
         return matrix
 
     def _of_platform(self, multiplier: Array) -> Array:
@@ -379,8 +376,7 @@ class MobileManipulator(Displayed):
 
     def actuation(self, q: Array) -> Array:
         """B'(q) of (16): the generalised forces that each command makes, shape (nq, nz)."""
-        x = _vector("q", q, self.nq)[self.platform_index]
-        matrix = self._by_velocity(self.motors.actuation(x))
+        matrix = self._by_velocity(self.motors.actuation(self._x(q)))
         matrix[self.arm_index, np.arange(self.n_alpha, self.nz)] = 1.0
         return matrix
 
@@ -395,9 +391,7 @@ class MobileManipulator(Displayed):
     def dynamics(self, q: Array, z: Array) -> Dynamics:
         """The reduced dynamics (17) at (q, z): each of Pinocchio's algorithms runs once.
 
-        Args:
-            q: Configuration (m, rad), shape (nq,).
-            z: Reduced velocity (m/s, rad/s), shape (nz,).
+        q in m and rad, shape (nq,); z in m/s and rad/s, shape (nz,).
         """
         now = self._at(q, z)
         now.run_dynamics()
@@ -434,30 +428,21 @@ class MobileManipulator(Displayed):
 
     def tip_jacobian(self, q: Array) -> Array:
         """Jacobian of the tip in world axes, linear rows first, shape (6, nq)."""
-        return np.array(
-            pin.computeFrameJacobian(
-                self.model, self.data, _vector("q", q, self.nq), self.tip_frame, _WORLD_AXES
-            )
-        )
+        given = (self.model, self.data, _vector("q", q, self.nq), self.tip_frame, _WORLD_AXES)
+        return np.array(pin.computeFrameJacobian(*given))
 
     def tip_kinematics(self, q: Array, z: Array) -> TipKinematics:
         """Tip position, rotation, Jacobian and Jacobian rate at (q, z), from one pass over the tree.
 
-        Args:
-            q: Configuration (m, rad), shape (nq,).
-            z: Reduced velocity, shape (nz,).
+        q in m and rad, shape (nq,); z of shape (nz,).
         """
         now = self._at(q, z)
         now.run_jacobians()
         now.tip_kinematics()
         now.tip_orientation()
-        return TipKinematics(
-            position=now.tip.copy(),
-            jacobian=now.tip_jacobian.copy(),
-            jacobian_rate=now.tip_jacobian_rate.copy(),
-            rotation=now.tip_rotation.copy(),
-            omega=now.tip_jacobian[3:] @ now.q_dot,
-        )
+        parts = (now.tip, now.tip_jacobian, now.tip_jacobian_rate, now.tip_rotation)
+        position, jacobian, rate, rotation = (part.copy() for part in parts)
+        return TipKinematics(position, jacobian, rate, rotation, omega=jacobian[3:] @ now.q_dot)
 
     # What the methods above work with ----------------------------------------------------------
 

@@ -38,13 +38,14 @@ REASONS = {
 UNIT = 1e-6
 """Deviation from 1 that the squared length of a desired quaternion or axis may have."""
 
+Four = tuple[float, float, float, float]
 _NEAR_HALF_TURN = 1e-3  # least singular value of T
 _JUMP = 0.7  # |<Q, Q>| of one tick and the next below which one does not follow from the other
 _FAR = 3.6  # |e_o|^2 beyond which the opposite side is that of half a turn
 
 
 class Turn(NamedTuple):
-    """Orientation of the tip against the desired one, and work space; see :class:`OrientationError`."""
+    """Orientation of the tip against the desired one, and work space."""
 
     R: Matrix
     """Orientation of the tip frame, shape (3, 3)."""
@@ -142,6 +143,19 @@ def rotated(q: Vector, v: Vector, out: Vector) -> None:
 
 
 @kernel
+def product(p: Four, q: Four) -> Four:
+    """p q of quaternions (w, x, y, z)."""
+    w, x, y, z = p
+    a, b, c, d = q
+    return (
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
+    )
+
+
+@kernel
 def quaternion(R: Matrix, q: Vector) -> None:
     """The unit quaternion (w, x, y, z) of a rotation matrix, by its largest component (Shepperd); of its
     two signs the one nearer to what ``q`` is."""
@@ -172,12 +186,8 @@ def pose_error(turn: Turn, desired: Matrix) -> int:
     if not abs(size - 1.0) <= UNIT:
         return NOT_UNIT
     quaternion(turn.R, q)
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    a, b, c, d = q_d[0], -q_d[1], -q_d[2], -q_d[3]  # the conjugate, that of R_d^T
-    eta = w * a - x * b - y * c - z * d
-    e_1 = w * b + x * a + y * d - z * c
-    e_2 = w * c - x * d + y * a + z * b
-    e_3 = w * d + x * c - y * b + z * a
+    conjugate = (q_d[0], -q_d[1], -q_d[2], -q_d[3])  # that of R_d^T
+    eta, e_1, e_2, e_3 = product((q[0], q[1], q[2], q[3]), conjugate)
     nearer = Q[0] * eta + Q[1] * e_1 + Q[2] * e_2 + Q[3] * e_3
     before = Q[0]
     if abs(nearer) < _JUMP:  # the first tick, or another state

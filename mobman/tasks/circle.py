@@ -11,7 +11,7 @@ import numpy as np
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import kernel
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.tasks.paths import GAP, SHARE_OF_RADIUS, KernelPath, place_of
+from mobman.tasks.paths import GAP, SHARE_OF_RADIUS, KernelPath, place_of, triple
 from mobman.tasks.task import NOT_ZERO, parameter, tasks
 
 
@@ -39,7 +39,7 @@ class Circle(KernelPath):
 
     def _kernel(self) -> tuple[Any, ...]:
         parameters = [*self.centre, self.radius, self.rate, self.phase]
-        return _circle, np.array(parameters, dtype=float)
+        return around, np.array(parameters, dtype=float)
 
 
 @dataclass(frozen=True)
@@ -58,19 +58,22 @@ class PaperCircle(Circle):
 
 
 @kernel
-def _circle(t: Vector, parameters: Vector, p_d: Matrix) -> None:
-    radius, w = parameters[3], parameters[4]
-    angle = w * t[0] + parameters[5]
+def around(t: Vector, circle: Vector, p_d: Matrix) -> None:
+    """Write the position on a circle, and its derivatives, into the first three columns."""
+    radius, w = circle[3], circle[4]
+    angle = w * t[0] + circle[5]
     c, s = radius * math.cos(angle), radius * math.sin(angle)
-    for i in range(3):
-        p_d[0, i] = parameters[i]
-        for order in range(1, 4):
-            p_d[order, i] = 0.0
-    p_d[0, 0] += c
-    p_d[0, 1] += s
-    p_d[1, 0], p_d[1, 1] = -s * w, c * w
-    p_d[2, 0], p_d[2, 1] = -c * w**2, -s * w**2
-    p_d[3, 0], p_d[3, 1] = s * w**3, -c * w**3
+    p_d[0, 0], p_d[0, 1], p_d[0, 2] = circle[0] + c, circle[1] + s, circle[2]
+    p_d[1, 0], p_d[1, 1], p_d[1, 2] = -s * w, c * w, 0.0
+    p_d[2, 0], p_d[2, 1], p_d[2, 2] = -c * w**2, -s * w**2, 0.0
+    p_d[3, 0], p_d[3, 1], p_d[3, 2] = s * w**3, -c * w**3, 0.0
+
+
+Radius = Annotated[
+    float | None,
+    parameter("m", "radius; 0.5 m, on a fixed base 0.15 times the tip's distance from it", gt=0),
+]
+Rate = Annotated[float, parameter("rad/s", "positive for anticlockwise"), NOT_ZERO]
 
 
 @tasks.register("paper")
@@ -84,13 +87,8 @@ def circle_near_tip(
     robot: MobileManipulator,
     q0: Array,
     *,
-    radius: Annotated[
-        float | None,
-        parameter(
-            "m", "radius; 0.5 m, on a fixed base 0.15 times the tip's distance from it", gt=0
-        ),
-    ] = None,
-    rate: Annotated[float, parameter("rad/s", "positive for anticlockwise"), NOT_ZERO] = 0.5,
+    radius: Radius = None,
+    rate: Rate = 0.5,
     gap: Annotated[
         float | None,
         parameter("m", "from the tip to the path; 0.1 m, on a fixed base 0.2 radii", ge=0),
@@ -114,5 +112,4 @@ def circle_near_tip(
         share = SHARE_OF_RADIUS if gap is None else gap / radius
         centre = place.tip - (1.0 + share) * radius * ahead
         phase = place.heading
-    x, y, z = (float(coordinate) for coordinate in centre)
-    return Circle((x, y, z), radius, rate, phase)
+    return Circle(triple(centre), radius, rate, phase)

@@ -11,19 +11,9 @@ from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import kernel
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.orientation import cross, rotated
+from mobman.tasks.circle import Radius, Rate, around
 from mobman.tasks.paths import Triple
-from mobman.tasks.pose_circle import (
-    AWAY,
-    Angle,
-    Gap,
-    Motion,
-    PoseCircle,
-    Radius,
-    Rate,
-    around,
-    oriented_circle,
-    turned,
-)
+from mobman.tasks.pose_circle import AWAY, Angle, Gap, Motion, PoseCircle, oriented_circle, turned
 from mobman.tasks.task import parameter, tasks
 
 _AXES: dict[str, Triple] = {

@@ -14,7 +14,7 @@ from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import kernel
 from mobman.errors import UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.model.orientation import UNIT
+from mobman.model.orientation import UNIT, product
 from mobman.tasks.paths import (
     TRAVEL,
     KernelPath,
@@ -53,24 +53,14 @@ class PoseToPose(KernelPath):
     width = 7
 
     def _kernel(self) -> tuple[Any, ...]:
-        start, end = np.array(self.start, dtype=float), np.array(self.end, dtype=float)
-        turn = np.array(self.turn, dtype=float)
-        return (
-            _pose_to_pose,
-            *(start, end - start, np.array(self.orientation, dtype=float), turn),
-            float(self.travel),
-        )
+        given = (self.start, self.end, self.orientation, self.turn)
+        start, end, first, turn = (np.array(part, dtype=float) for part in given)
+        return _pose_to_pose, start, end - start, first, turn, float(self.travel)
 
 
 @kernel
 def _pose_to_pose(
-    t: Vector,
-    start: Vector,
-    way: Vector,
-    orientation: Vector,
-    turn: Vector,
-    travel: float,
-    p_d: Matrix,
+    t: Vector, start: Vector, way: Vector, first: Vector, turn: Vector, travel: float, p_d: Matrix
 ) -> None:
     share = rest_to_rest(min(max(t[0] / travel, 0.0), 1.0), travel)
     for i in range(3):
@@ -82,12 +72,9 @@ def _pose_to_pose(
     angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     w = math.cos(0.5 * share[0] * angle)
     s = math.sin(0.5 * share[0] * angle) / angle if angle > 0.0 else 0.0
-    x, y, z = s * turn[0], s * turn[1], s * turn[2]
-    a, b, c, d = orientation[0], orientation[1], orientation[2], orientation[3]
-    p_d[0, 3] = w * a - x * b - y * c - z * d
-    p_d[0, 4] = w * b + x * a + y * d - z * c
-    p_d[0, 5] = w * c - x * d + y * a + z * b
-    p_d[0, 6] = w * d + x * c - y * b + z * a
+    turned = (w, s * turn[0], s * turn[1], s * turn[2])
+    orientation = (first[0], first[1], first[2], first[3])
+    p_d[0, 3], p_d[0, 4], p_d[0, 5], p_d[0, 6] = product(turned, orientation)
     p_d[1, 6] = p_d[2, 6] = p_d[3, 6] = 0.0
 
 

@@ -12,9 +12,10 @@ import pinocchio as pin
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import kernel
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.tasks.circle import circle_near_tip
+from mobman.model.orientation import product
+from mobman.tasks.circle import Radius, Rate, around, circle_near_tip
 from mobman.tasks.paths import SHARE_OF_RADIUS, KernelPath, Quadruple, Triple, place_of, quadruple
-from mobman.tasks.task import NOT_ZERO, parameter, tasks
+from mobman.tasks.task import parameter, tasks
 
 NEAREST = 0.05
 """Least distance of the tip from where such a path begins, by default (m)."""
@@ -27,11 +28,6 @@ Motion = Annotated[
     Literal["hold", "turn", "wobble"],
     parameter("1", "held, turning about the vertical with the path, or wobbling by 0.3 rad"),
 ]
-Radius = Annotated[
-    float | None,
-    parameter("m", "radius; 0.5 m, on a fixed base 0.15 times the tip's distance from it", gt=0),
-]
-Rate = Annotated[float, parameter("rad/s", "positive for anticlockwise"), NOT_ZERO]
 Gap = Annotated[
     float | None,
     parameter(
@@ -87,18 +83,6 @@ def _pose_circle(t: Vector, circle: Vector, turning: Vector, p_d: Matrix) -> Non
 
 
 @kernel
-def around(t: Vector, circle: Vector, p_d: Matrix) -> None:
-    """Write the position on a circle, and its derivatives, into the first three columns."""
-    radius, w = circle[3], circle[4]
-    angle = w * t[0] + circle[5]
-    c, s = radius * math.cos(angle), radius * math.sin(angle)
-    p_d[0, 0], p_d[0, 1], p_d[0, 2] = circle[0] + c, circle[1] + s, circle[2]
-    p_d[1, 0], p_d[1, 1], p_d[1, 2] = -s * w, c * w, 0.0
-    p_d[2, 0], p_d[2, 1], p_d[2, 2] = -c * w**2, -s * w**2, 0.0
-    p_d[3, 0], p_d[3, 1], p_d[3, 2] = s * w**3, -c * w**3, 0.0
-
-
-@kernel
 def turned(t: Vector, turning: Vector, p_d: Matrix) -> None:
     """Write the quaternion of Rot(z, psi) Rot(x, chi) R_0, Omega_d and its derivatives into the last
     columns, shape (4, 7)."""
@@ -112,12 +96,8 @@ def turned(t: Vector, turning: Vector, p_d: Matrix) -> None:
     # quaternion of Rot(z, psi) Rot(x, chi), times that of R_0
     a, b = math.cos(0.5 * psi), math.sin(0.5 * psi)
     e, f = math.cos(0.5 * chi), math.sin(0.5 * chi)
-    q0, q1, q2, q3 = a * e, a * f, b * f, b * e
-    r0, r1, r2, r3 = turning[0], turning[1], turning[2], turning[3]
-    p_d[0, 3] = q0 * r0 - q1 * r1 - q2 * r2 - q3 * r3
-    p_d[0, 4] = q0 * r1 + q1 * r0 + q2 * r3 - q3 * r2
-    p_d[0, 5] = q0 * r2 - q1 * r3 + q2 * r0 + q3 * r1
-    p_d[0, 6] = q0 * r3 + q1 * r2 - q2 * r1 + q3 * r0
+    R_0 = (turning[0], turning[1], turning[2], turning[3])
+    p_d[0, 3], p_d[0, 4], p_d[0, 5], p_d[0, 6] = product((a * e, a * f, b * f, b * e), R_0)
     # Omega_d = psi' z + chi' x', with the axis x' = (cos psi, sin psi, 0) of the second turn
     c, s = math.cos(psi), math.sin(psi)
     p_d[1, 3], p_d[1, 4], p_d[1, 5] = chi_1 * c, chi_1 * s, psi_1

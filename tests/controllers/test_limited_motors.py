@@ -10,7 +10,6 @@ from mobman.controllers.limits import (
     LimitedMotors,
     fit_torque,
     plain_limits,
-    require_torque_limits,
 )
 from mobman.errors import GainError
 from mobman.simulation.scenario import Scenario
@@ -91,4 +90,4 @@ def test_limits_that_are_given_come_first(youbot):
 @pytest.mark.parametrize("wrong", [0.0, [1.0, -1.0], "much", [np.nan], True, [[1.0]], np.inf])
 def test_limits_that_are_none_are_refused(wrong):
     with pytest.raises(GainError, match=r"torque_limits = .*: must be numbers from 1e-30 to"):
-        require_torque_limits(wrong)
+        mm.make_controller("tsm", torque_limits=wrong)

@@ -40,7 +40,7 @@ def test_computed_torque_gives_the_wanted_acceleration(robot):
     for q, z in random_states(robot, 20):
         wanted = random.standard_normal(robot.nz)
         force, torque, work = *np.zeros((2, robot.nz)), np.zeros((robot.nz, robot.nz))
-        assert computed_torque(*robot.dynamics(q, z), wanted, force, torque, work) == 0
+        assert computed_torque(*robot.dynamics(q, z), wanted, torque, force, work) == 0
         assert np.allclose(Plant(robot).acceleration(0.0, q, z, torque), wanted, atol=1e-9)
 
 

@@ -9,8 +9,8 @@ import pytest
 from support.errors import largest_after
 
 import mobman as mm
-from mobman.controllers.first_order_sliding import unit_vector_acceleration
-from mobman.controllers.super_twisting import twist
+from mobman.controllers.sliding_surface import twist, unit_vector_acceleration
+from mobman.controllers.task_errors import Tracking
 
 
 def _twisted(dt, L, end=1.5):
@@ -59,7 +59,8 @@ def test_unit_vector_reaches_its_layer_in_time():
     sizes = []
     for _ in range(4000):
         sizes.append(np.linalg.norm(z + Lambda * f))
-        unit_vector_acceleration(f, np.eye(2), none, p_d, z, Lambda, rho, layer, wanted)
+        at = Tracking(f, np.eye(2), none, p_d, none, z)
+        unit_vector_acceleration(at, Lambda, rho, layer, wanted)
         acceleration = wanted + unknown
         f += dt * z + 0.5 * dt**2 * acceleration
         z += dt * acceleration

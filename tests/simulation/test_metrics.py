@@ -171,7 +171,7 @@ def test_constraint_residual_is_that_of_the_true_robot(youbot):
 
     plant = true_robot(youbot, 2.0)
     plant.platform = copy(youbot.platform)
-    plant.platform._equations = youbot.platform.equations._replace(constraints=constraints)
+    plant.platform.equations = youbot.platform.equations._replace(constraints=constraints)
     push = np.array([4.0, -6.0, 0.0, 0.0, 0.0])
     controller = Torque(lambda t: push if t < 0.015 else -push)
     found = mm.simulate(youbot, controller, "circle", duration=0.03, plant=plant)

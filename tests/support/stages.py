@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mobman.controllers.task_errors import Tracking
 from mobman.controllers.tsm import (
     Held,
     SlidingGains,
@@ -35,10 +36,8 @@ class KinematicStageAlone(StageAlone):
         # f = e and J z = e' + p_d', whatever p_d and p_d' are
         p_d = np.array([np.zeros(p), z - e_dot, p_ddot, p_dddot])
         at_rest = np.zeros(p)
-        stop = kinematic_stage(
-            *(self.k, self.kinematic, self.held, e.copy(), np.eye(p), at_rest, p_d),
-            *(at_rest, at_rest, z),
-        )
+        at = Tracking(e.copy(), np.eye(p), at_rest, p_d, at_rest, z)
+        stop = kinematic_stage(self.k, self.kinematic, self.held, at, at_rest)
         assert stop == 0
         return self.held.v_ref_dot.copy()
 

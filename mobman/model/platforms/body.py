@@ -121,20 +121,6 @@ def required_body(origin: str, body: B | None) -> B:
     return body
 
 
-def joint_names(
-    origin: str, field: str, given: Sequence[str | None], body: Body | None, own: Sequence[str]
-) -> list[str]:
-    """The joints that a field names; by default those of :func:`body_urdf`.
-
-    Raises:
-        SpecError: If it is missing, and there is no ``[platform.body]``.
-    """
-    named = [name for name in given if name is not None]
-    if body is not None:
-        return named or list(own)
-    return required(origin, field, named, "name the URDF's joint, or give [platform.body]")
-
-
 def body_urdf(
     body: Body, wheels: Sequence[WheelPart] = (), knuckles: Sequence[Knuckle] = ()
 ) -> ET.Element:

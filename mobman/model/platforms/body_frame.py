@@ -14,11 +14,7 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.compiled import kernel
-from mobman.model.platforms.platform import (
-    Equations,
-    Platform,
-    Wheel,
-)
+from mobman.model.platforms.platform import Equations, Platform, Wheel
 from mobman.robots.urdf.compose import BASE_JOINTS
 
 
@@ -31,9 +27,7 @@ class BodyFramePlatform(Platform):
         A_b: Shape (k, l).
         N_b: Shape (l, l-k).
         B_b: Shape (l, l-k).
-        root_offset: See :class:`Platform`.
-        heading: See :class:`Platform`.
-        wheels: See :class:`Platform`.
+        root_offset, heading, wheels: See :class:`Platform`.
     """
 
     def __init__(
@@ -51,21 +45,18 @@ class BodyFramePlatform(Platform):
         self.coordinates = (*BASE_JOINTS, *joints)
         self.velocity_names = tuple(velocity_names)
         self.root_offset = np.zeros(3) if root_offset is None else root_offset
-        self.heading = heading
-        self.wheels = wheels
-        self._equations = Equations(
+        self.heading, self.wheels = heading, wheels
+        self.equations = Equations(
             np.concatenate([np.ravel(N_b), np.ravel(B_b), np.ravel(A_b)]),
-            _velocity_map,
-            _velocity_map_rate,
-            _constraints,
-            _constraint_derivative_rate,
-            _actuation,
+            *(_velocity_map, _velocity_map_rate, _constraints),
+            *(_constraint_derivative_rate, _actuation),
         )
 
-    @property
-    def equations(self) -> Equations:
-        """A and N, turned by the heading."""
-        return self._equations
+
+def offset_of(x: float, y: float, height: float, heading: float) -> Array:
+    """Root offset of a platform whose reference point is at (x, y) in the root link's frame (m)."""
+    c, s = math.cos(heading), math.sin(heading)
+    return np.array([-c * x - s * y, s * x - c * y, height])
 
 
 # Parameters of the kernels: N_b, B_b, A_b, row by row; x = (x_1, x_2, theta, ...).

@@ -18,7 +18,6 @@ from mobman.model.platforms.body import (
     WheeledBody,
     WheelPart,
     body_urdf,
-    joint_names,
     required,
     required_body,
 )
@@ -33,6 +32,7 @@ from mobman.model.platforms.platform import (
 from mobman.model.platforms.wheels import (
     LENGTH_TOLERANCE,
     JointPlace,
+    Named,
     check_upright,
     joint_place,
     sides,
@@ -102,8 +102,7 @@ class CarLike(Platform):
         wheelbase: L (m).
         steering_signs: +1 where a positive angle turns to the left, for each steering joint.
         signs: +1 where a wheel's positive rate drives forward; rear, then front.
-        root_offset: See :class:`Platform`.
-        heading: See :class:`Platform`.
+        root_offset, heading: See :class:`Platform`.
     """
 
     def __init__(
@@ -133,29 +132,20 @@ class CarLike(Platform):
             Gear(joint, steering[0], sign * turning[0])
             for joint, sign in zip(steering[1:], turning[1:], strict=True)
         )
-        self._equations = Equations(
+        self.equations = Equations(
             np.array([radius, half_track, wheelbase, n, len(front), *turning, *rolling]),
-            _velocity_map,
-            _velocity_map_rate,
-            _constraints,
-            _constraint_derivative_rate,
-            _actuation,
+            *(_velocity_map, _velocity_map_rate, _constraints),
+            *(_constraint_derivative_rate, _actuation),
         )
 
     @classmethod
     def build(cls, site: Site) -> CarLike:
         """See :meth:`Platform.build`."""
         given = _parameters(site.parameters, site.origin)
-        right, left = (
-            wheel_place(site, name, field, given.heading)
-            for field, named, own in (
-                ("rear_right_wheel", given.rear_right_wheel, _RIGHT),
-                ("rear_left_wheel", given.rear_left_wheel, _LEFT),
-            )
-            for name in joint_names(site.origin, field, [named], given.body, [own])
-        )
+        named = Named(site, given)
+        right, left = named.pair("rear_right_wheel", "rear_left_wheel", _RIGHT, _LEFT)
         axle, half_track = sides(site, [right], [left])
-        steering = joint_names(site.origin, "steering", given.steering, given.body, _STEERING)
+        steering = named.names("steering", _STEERING)
         front = given.front_wheels or ([] if given.body is None else list(_FRONT))
         knuckles = [joint_place(site, name, "steering", given.heading) for name in steering]
         rolling = [wheel_place(site, name, "front_wheels", given.heading) for name in front]
@@ -190,11 +180,6 @@ class CarLike(Platform):
             wheels.append(WheelPart(wheel, (0.0, 0.0, 0.0), R, parent=f"{joint}_link"))
         return body_urdf(body, wheels, knuckles)
 
-    @property
-    def equations(self) -> Equations:
-        """A and N."""
-        return self._equations
-
 
 def _wheelbase(site: Site, axle: Array, knuckles: Sequence[JointPlace]) -> float:
     """Distance of the steering joints from the rear axle (m).
@@ -205,9 +190,10 @@ def _wheelbase(site: Site, axle: Array, knuckles: Sequence[JointPlace]) -> float
     check_upright(site, knuckles, "steering")
     ahead = [float(place.centre[0] - axle[0]) for place in knuckles]
     if min(ahead) <= 0.0 or max(ahead) - min(ahead) > LENGTH_TOLERANCE:
-        raise SpecError(
-            f"{site.origin}: field 'platform.steering': the joints are {np.round(ahead, 4)} m ahead of "
-            "the rear axle; allowed: one positive distance"
+        raise site.fault(
+            "steering",
+            f": the joints are {np.round(ahead, 4)} m ahead of the rear axle; allowed: one positive "
+            "distance",
         )
     return ahead[0]
 

@@ -20,7 +20,7 @@ from mobman.arrays import Array
 from mobman.errors import FOREIGN_ERRORS, SpecError
 from mobman.model.platforms.platform import Equations, Platform, Site, Wheel, platforms
 from mobman.robots.urdf.compose import BASE_JOINTS
-from mobman.toml_model import Strict, validate
+from mobman.toml_model import Strict
 
 # Central differences of order 8: with such steps the truncation, 1e-16 of a ninth and 1e-15 of a tenth
 # derivative, is below rounding.
@@ -111,20 +111,17 @@ class Custom(Platform):
                 f"{where}: root_offset is to be 3 numbers (m), heading a number (rad), wheels pairs of "
                 f"a joint and a radius (m): {error}"
             ) from error
-        self._equations = Equations(
+        self.equations = Equations(
             np.zeros(0),
-            self._velocity_map,
-            self._velocity_map_rate,
-            self._constraints_into,
-            self._constraint_derivative_rate,
-            self._actuation,
+            *(self._velocity_map, self._velocity_map_rate, self._constraints_into),
+            *(self._constraint_derivative_rate, self._actuation),
         )
         self._check(where)
 
     @classmethod
     def build(cls, site: Site) -> Custom:
         """See :meth:`Platform.build`."""
-        given = validate(CustomParameters, site.parameters, f"{site.origin}: [platform]")
+        given = site.read(CustomParameters)
         where = f"{site.origin}: field 'platform.definition' is {given.definition!r}"
         if _no_code.get():
             raise SpecError(
@@ -150,49 +147,43 @@ class Custom(Platform):
                 )
         return platform
 
-    @property
-    def equations(self) -> Equations:
-        """The user's A and N."""
-        return self._equations
+    def _given(self, name: str, *arguments: Array) -> Array | None:
+        """What one of the user's functions gives, None if it is not there."""
+        function = getattr(self._definition, name, None)
+        if function is None:
+            return None
+        return np.asarray(function(*(argument.copy() for argument in arguments)), dtype=float)
 
     def _velocity_map(self, parameters: Array, x: Array, N: Array) -> None:
         N[:] = self._definition.velocity_map(x.copy())
 
     def _velocity_map_rate(self, parameters: Array, x: Array, x_dot: Array, N_rate: Array) -> None:
-        exact = getattr(self._definition, "velocity_map_rate", None)
-        if exact is not None:
-            N_rate[:] = exact(x.copy(), x_dot.copy())
-        else:
-            N_rate[:] = _along(self._definition.velocity_map, x, x_dot)
+        exact = self._given("velocity_map_rate", x, x_dot)
+        N_rate[:] = _along(self._definition.velocity_map, x, x_dot) if exact is None else exact
 
     def _constraints_into(self, parameters: Array, x: Array, A: Array, A_x: Array) -> None:
         A[:] = self._definition.constraint_matrix(x.copy())
-        A_x[:] = self._derivative(x)
+        exact = self._given("constraint_derivative", x)
+        if exact is None:
+            matrix, directions = self._definition.constraint_matrix, np.eye(len(x))
+            exact = np.stack([_along(matrix, x, e) for e in directions], axis=-1)
+        A_x[:] = exact
 
     def _constraint_derivative_rate(
         self, parameters: Array, x: Array, x_dot: Array, A_x_rate: Array
     ) -> None:
-        exact = getattr(self._definition, "constraint_derivative_rate", None)
-        if exact is not None:
-            A_x_rate[:] = exact(x.copy(), x_dot.copy())
-        else:
+        exact = self._given("constraint_derivative_rate", x, x_dot)
+        if exact is None:
             matrix, directions = self._definition.constraint_matrix, np.eye(len(x))
-            A_x_rate[:] = np.stack([_mixed(matrix, x, e, x_dot) for e in directions], axis=-1)
+            exact = np.stack([_mixed(matrix, x, e, x_dot) for e in directions], axis=-1)
+        A_x_rate[:] = exact
 
     def _actuation(self, parameters: Array, x: Array, B: Array) -> None:
-        own = getattr(self._definition, "actuation", None)
-        if own is not None:
-            B[:] = own(x.copy())
-        else:
+        own = self._given("actuation", x)
+        if own is None:
             n = np.asarray(self._definition.velocity_map(x.copy()), dtype=float)
-            B[:] = n @ np.linalg.inv(n.T @ n)
-
-    def _derivative(self, x: Array) -> Array:
-        exact = getattr(self._definition, "constraint_derivative", None)
-        if exact is not None:
-            return np.asarray(exact(x.copy()), dtype=float)
-        matrix = self._definition.constraint_matrix
-        return np.stack([_along(matrix, x, direction) for direction in np.eye(len(x))], axis=-1)
+            own = n @ np.linalg.inv(n.T @ n)
+        B[:] = own
 
     def _check(self, where: str) -> None:
         self._check_places(where)
@@ -209,7 +200,7 @@ class Custom(Platform):
         ):
             if hasattr(self._definition, name):
                 self._checked(where, name, shape, *arguments)
-        size = max(1.0, float(np.abs(a).max(initial=0.0)) * float(np.abs(n).max(initial=0.0)))
+        size = max(1.0, float(np.abs(a).max(initial=0.0) * np.abs(n).max(initial=0.0)))
         if (residual := float(np.abs(a @ n).max(initial=0.0))) > 1e-9 * size:
             raise SpecError(
                 f"{where}: A(x) N(x) is not 0 but {residual:.2g}, at x = {x.tolist()}: the velocities "
@@ -241,10 +232,10 @@ class Custom(Platform):
             SpecError: If it fails, or gives another shape or what is no number.
         """
         try:
-            given = getattr(self._definition, name)(*(argument.copy() for argument in arguments))
-            found: Array = np.asarray(given, dtype=float)
+            found = self._given(name, *arguments)
         except FOREIGN_ERRORS as error:
             raise SpecError(f"{where}: {name} failed: {error!r}") from error
+        assert found is not None
         if found.shape != shape or not np.all(np.isfinite(found)):
             raise SpecError(
                 f"{where}: {name} gives shape {found.shape}; needed: {shape}, finite numbers, for "
@@ -269,26 +260,24 @@ def _along(function: Callable[[Array], Array], x: Array, direction: Array) -> Ar
 
 def _mixed(function: Callable[[Array], Array], x: Array, first: Array, second: Array) -> Array:
     """Second derivative of a smooth function at x along one direction, then another."""
+    here = np.asarray(function(x.copy()), dtype=float)
     size = float(np.linalg.norm(second))
     if size == 0.0:
-        return np.zeros_like(np.asarray(function(x.copy()), dtype=float))
+        return np.zeros_like(here)
+
+    def twice(direction: Array) -> Array:
+        """Second derivative along a direction."""
+        step = _SECOND_STEP * direction
+        ends = [(function(x + k * step), function(x - k * step)) for k in range(1, 5)]
+        parts = [
+            weight * (np.asarray(ahead) + np.asarray(behind) - 2 * here)
+            for weight, (ahead, behind) in zip(_SECOND_WEIGHTS, ends, strict=True)
+        ]
+        result: Array = np.sum(parts, axis=0) / _SECOND_STEP**2
+        return result
+
     unit = second / size
-    sum_of, difference = _twice(function, x, first + unit), _twice(function, x, first - unit)
-    result: Array = 0.25 * size * (sum_of - difference)
-    return result
-
-
-def _twice(function: Callable[[Array], Array], x: Array, direction: Array) -> Array:
-    """Second derivative of a smooth function at x along a direction."""
-    here = np.asarray(function(x.copy()), dtype=float)
-    step = _SECOND_STEP * direction
-    parts = [
-        weight
-        * (np.asarray(function(x + k * step)) + np.asarray(function(x - k * step)) - 2 * here)
-        for k, weight in enumerate(_SECOND_WEIGHTS, start=1)
-    ]
-    result: Array = np.sum(parts, axis=0) / _SECOND_STEP**2
-    return result
+    return 0.25 * size * (twice(first + unit) - twice(first - unit))
 
 
 def load_code(definition: str, folder: Path, where: str) -> Any:

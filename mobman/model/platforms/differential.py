@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from mobman.arrays import Array
 from mobman.model.platforms.body import (
     WheeledBody,
     WheelPart,
     body_urdf,
-    joint_names,
     required,
     required_body,
 )
 from mobman.model.platforms.body_frame import BodyFramePlatform
-from mobman.model.platforms.platform import Site, Wheel, platforms
-from mobman.model.platforms.wheels import sides, wheel_place
+from mobman.model.platforms.platform import Gear, Site, Wheel, platforms
+from mobman.model.platforms.wheels import Named, sides
 from mobman.toml_model import Strict, validate
 
 _RIGHT, _LEFT = "wheel_right", "wheel_left"  # of a platform described by its numbers
@@ -47,7 +46,58 @@ class DifferentialParameters(Strict):
     """The platform by its numbers instead of by a URDF; ``half_track`` is required then."""
 
 
-class Differential(BodyFramePlatform):
+class TwoSided(BodyFramePlatform):
+    """Wheels on two sides, those of a side geared together; their axles do not slip sideways in the
+    middle.
+
+    Args:
+        right: Joint names of the wheels on the right, the one with the motor first.
+        left: The same on the left.
+        radius: R (m).
+        half_track: W (m).
+        offset: a (m), the reference point ahead of the middle.
+        kappa: phi'/alpha.
+        signs: +1 where a wheel's positive rate drives forward, -1 where backward; right, then left.
+        **place: See :class:`BodyFramePlatform`.
+    """
+
+    def __init__(
+        self,
+        right: Sequence[str],
+        left: Sequence[str],
+        radius: float,
+        half_track: float,
+        offset: float = 0.0,
+        kappa: float = 1.0,
+        signs: Sequence[float] | None = None,
+        **place: Any,
+    ) -> None:
+        joints = (*right, *left)
+        w = len(joints)
+        self.signs = (1.0,) * w if signs is None else tuple(signs)
+        self.radius, self.half_track, self.offset, self.kappa = radius, half_track, offset, kappa
+        R, W, a = radius, half_track, offset
+        A_b, N_b, B_b = np.zeros((1 + w, 3 + w)), np.zeros((3 + w, 2)), np.zeros((3 + w, 2))
+        A_b[0, :3] = 0.0, -1.0, a  # no lateral slip; below it no longitudinal slip of each wheel
+        geared = []
+        for j, (names, side) in enumerate(((right, 1.0), (left, -1.0))):
+            first = j * len(right)
+            forward = self.signs[first]
+            Y = kappa * R / (2.0 * W) * forward
+            N_b[:3, j] = Y * W, side * Y * a, side * Y
+            B_b[3 + first, j] = 1.0
+            for i, name in enumerate(names, start=first):
+                A_b[1 + i, :3] = 1.0, 0.0, side * W
+                A_b[1 + i, 3 + i] = -R * self.signs[i]
+                N_b[3 + i, j] = kappa * self.signs[i] * forward
+                if i != first:
+                    geared.append(Gear(name, names[0], self.signs[i] * forward))
+        self.geared = tuple(geared)
+        wheels = tuple(Wheel(joint, R) for joint in joints)
+        super().__init__(joints, ("alpha_1", "alpha_2"), A_b, N_b, B_b, wheels=wheels, **place)
+
+
+class Differential(TwoSided):
     r"""Two driven wheels on one axle that neither slip nor skid, :math:`l = 5`, :math:`k = 3`.
 
     Coordinates :math:`x = (x_1, x_2, \theta, \phi_1, \phi_2)`, right wheel first. With the reference
@@ -59,11 +109,7 @@ class Differential(BodyFramePlatform):
         wheels: Joint names of the right and the left wheel.
         radius: R (m).
         half_track: W (m).
-        offset: a (m).
-        kappa: phi'/alpha.
-        signs: +1 where a wheel's positive rate drives forward, -1 where backward: URDFs differ.
-        root_offset: See :class:`Platform`.
-        heading: See :class:`Platform`.
+        offset, kappa, signs, place: See :class:`TwoSided`.
     """
 
     def __init__(
@@ -73,74 +119,36 @@ class Differential(BodyFramePlatform):
         half_track: float,
         offset: float = 0.0,
         kappa: float = 1.0,
-        signs: tuple[float, float] = (1.0, 1.0),
-        root_offset: Array | None = None,
-        heading: float = 0.0,
+        **place: Any,
     ) -> None:
-        self.radius, self.half_track, self.offset = radius, half_track, offset
-        self.kappa, self.signs = kappa, signs
-        R, W, a = radius, half_track, offset
-        # no lateral slip; no longitudinal slip of the right and of the left wheel
-        A_b = np.array(
-            [
-                [0.0, -1.0, a, 0.0, 0.0],
-                [1.0, 0.0, W, -R * signs[0], 0.0],
-                [1.0, 0.0, -W, 0.0, -R * signs[1]],
-            ]
-        )
-        N_b, B_b = np.zeros((5, 2)), np.zeros((5, 2))
-        for j, side in ((0, 1.0), (1, -1.0)):
-            Y = kappa * R / (2.0 * W) * signs[j]
-            N_b[:3, j] = Y * W, side * Y * a, side * Y
-            N_b[3 + j, j] = kappa
-            B_b[3 + j, j] = 1.0
-        super().__init__(
-            wheels,
-            ("alpha_1", "alpha_2"),
-            A_b,
-            N_b,
-            B_b,
-            root_offset=root_offset,
-            heading=heading,
-            wheels=tuple(Wheel(joint, R) for joint in wheels),
-        )
+        super().__init__(wheels[:1], wheels[1:], radius, half_track, offset, kappa, **place)
 
     @classmethod
     def build(cls, site: Site) -> Differential:
         """See :meth:`Platform.build`; the wheels say where the axle is, and which way they roll."""
-        given = _parameters(site.parameters, site.origin)
-        right, left = (
-            wheel_place(site, name, field, given.heading)
-            for field, named, own in (
-                ("right_wheel", given.right_wheel, _RIGHT),
-                ("left_wheel", given.left_wheel, _LEFT),
-            )
-            for name in joint_names(site.origin, field, [named], given.body, [own])
-        )
+        given = site.read(DifferentialParameters)
+        right, left = Named(site, given).pair("right_wheel", "left_wheel", _RIGHT, _LEFT)
         axle, half_track = sides(site, [right], [left])
+        R, a = given.wheel_radius, given.reference_offset
         return cls(
             wheels=(right.joint, left.joint),
-            radius=given.wheel_radius,
+            radius=R,
             half_track=half_track if given.half_track is None else given.half_track,
-            offset=given.reference_offset,
-            kappa=1.0 if given.alpha == "wheel-rates" else 2.0 / given.wheel_radius,
+            offset=a,
+            kappa=1.0 if given.alpha == "wheel-rates" else 2.0 / R,
             signs=(right.sign, left.sign),
-            root_offset=np.array([-given.reference_offset, 0.0, given.wheel_radius]) - axle,
+            root_offset=np.array([-a, 0.0, R]) - axle,
             heading=given.heading,
         )
 
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
         """See :meth:`Platform.describe`: a box with a wheel on either side."""
-        given = _parameters(parameters, origin)
+        given = validate(DifferentialParameters, parameters, f"{origin}: [platform]")
         body = required_body(origin, given.body)
         R, W = given.wheel_radius, required(origin, "half_track", given.half_track)
         wheels = [WheelPart(name, (0.0, y, R), R) for name, y in ((_RIGHT, -W), (_LEFT, W))]
         return body_urdf(body, wheels)
-
-
-def _parameters(parameters: dict[str, Any], origin: str) -> DifferentialParameters:
-    return validate(DifferentialParameters, parameters, f"{origin}: [platform]")
 
 
 platforms.register("differential", Differential)

@@ -33,12 +33,12 @@ class Fixed(Platform):
 
     def __init__(self) -> None:
         self.root_offset = np.zeros(3)
-        self._equations = Equations(np.zeros(0), _nothing, _no_rate, _none, _no_rates, _nothing)
+        self.equations = Equations(np.zeros(0), _none, _none_along, _no_A, _none_along, _none)
 
     @classmethod
     def build(cls, site: Site) -> Fixed:
         """See :meth:`Platform.build`."""
-        validate(FixedParameters, site.parameters, f"{site.origin}: [platform]")
+        site.read(FixedParameters)
         return cls()
 
     @classmethod
@@ -55,30 +55,20 @@ class Fixed(Platform):
         ET.SubElement(joint, "child", link=DECK)
         return robot
 
-    @property
-    def equations(self) -> Equations:
-        """Empty matrices: there are no coordinates."""
-        return self._equations
+
+# There are no coordinates: no entries to write.
 
 
 @kernel
-def _nothing(parameters: Vector, x: Vector, matrix: Matrix) -> None:
-    """N and B'' have no entries."""
+def _none(parameters: Vector, x: Vector, matrix: Matrix) -> None: ...
 
 
 @kernel
-def _no_rate(parameters: Vector, x: Vector, x_dot: Vector, rate: Matrix) -> None:
-    """Nor has N'."""
+def _none_along(parameters: Vector, x: Vector, x_dot: Vector, rate: Matrix) -> None: ...
 
 
 @kernel
-def _none(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None:
-    """Nor has A."""
-
-
-@kernel
-def _no_rates(parameters: Vector, x: Vector, x_dot: Vector, A_x_rate: Tensor) -> None:
-    """Nor have the derivatives of A."""
+def _no_A(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None: ...
 
 
 platforms.register("fixed", Fixed)

@@ -23,13 +23,12 @@ from mobman.model.platforms.body import (
     WheeledBody,
     WheelPart,
     body_urdf,
-    joint_names,
     required,
     required_body,
 )
 from mobman.model.platforms.platform import Site, platforms
-from mobman.model.platforms.swerve import Module, ModuleWheel, Swerve, located, modules_of
-from mobman.model.platforms.wheels import LENGTH_TOLERANCE, carriers, wheel_place
+from mobman.model.platforms.swerve import Module, ModuleWheel, Swerve, located, modules_of, placed
+from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Named, carriers, wheel_place
 from mobman.robots.urdf.compose import TRAVEL_JOINTS
 from mobman.toml_model import Strict, validate
 
@@ -91,23 +90,19 @@ class MultiAxle(Swerve):
     @classmethod
     def build(cls, site: Site) -> MultiAxle:
         """See :meth:`Platform.build`; the joints say which wheels are steered."""
-        given = validate(MultiAxleParameters, site.parameters, f"{site.origin}: [platform]")
-        own = _joints(given.body, site.origin)
-        steering = joint_names(site.origin, "steering", given.steering, given.body, own[0])
-        wheels = joint_names(site.origin, "wheels", given.wheels, given.body, own[1])
+        given = site.read(MultiAxleParameters)
+        own, named = _joints(given.body, site.origin), Named(site, given)
+        steering, wheels = named.names("steering", own[0]), named.names("wheels", own[1])
         axes, places = located(site, steering, wheels, given.heading)
-        turned = [bool({*carriers(site, place)} & {*steering}) for place in places]
-        straight = [
-            wheel_place(site, place.joint, "wheels", given.heading)
-            for place, steers in zip(places, turned, strict=True)
-            if not steers
-        ]
+        turned = [place for place in places if {*carriers(site, place)} & {*steering}]
+        fixed = [place.joint for place in places if not {*carriers(site, place)} & {*steering}]
+        straight = [wheel_place(site, name, "wheels", given.heading) for name in fixed]
         ahead = [float(place.centre[0]) for place in straight]
         if ahead and max(ahead) - min(ahead) > LENGTH_TOLERANCE:
-            raise SpecError(
-                f"{site.origin}: field 'platform.wheels': the wheels "
-                f"{', '.join(place.joint for place in straight)}, which are not steered, are "
-                f"{np.round(ahead, 4).tolist()} m ahead; allowed: one axle (several slip when it turns)"
+            raise site.fault(
+                "wheels",
+                f": the wheels {', '.join(fixed)}, which are not steered, are "
+                f"{np.round(ahead, 4).tolist()} m ahead; allowed: one axle (several slip when it turns)",
             )
         why = (
             "no wheel is fixed; say on which line across the platform the centre of rotation stays"
@@ -116,38 +111,30 @@ class MultiAxle(Swerve):
         if axle is None:
             axle = required(site.origin, "axle", float(np.mean(ahead)) if ahead else None, why)
         elif ahead and abs(axle - np.mean(ahead)) > LENGTH_TOLERANCE:
-            raise SpecError(
-                f"{site.origin}: field 'platform.axle' is {axle:g} m; the wheels that are not steered "
-                f"have theirs {np.mean(ahead):.4f} m ahead"
+            raise site.fault(
+                "axle",
+                f" is {axle:g} m; the wheels that are not steered have theirs {np.mean(ahead):.4f} m "
+                "ahead",
             )
         middle = complex(axle, float(np.mean([p.centre[1] for p in (straight or places)])))
         for place in axes:
             if abs(place.centre[0] - axle) < LENGTH_TOLERANCE:
-                raise SpecError(
-                    f"{site.origin}: field 'platform.steering': {place.joint!r} is on the line of the "
-                    f"axle, {axle:.4f} m ahead, where it is singular; allowed: before or behind it"
+                raise site.fault(
+                    "steering",
+                    f": {place.joint!r} is on the line of the axle, {axle:.4f} m ahead, where it is "
+                    "singular; allowed: before or behind it",
                 )
-        modules, rolling = modules_of(
-            site, axes, [p for p, steers in zip(places, turned, strict=True) if steers], middle
-        )
-        for place in straight:
-            at = len(modules)
+        modules, rolling = modules_of(site, axes, turned, middle)
+        for at, place in enumerate(straight, start=len(modules)):
             modules.append(Module("", complex(*place.centre[:2]) - middle, 0.0, 0.0))
             rolling.append(ModuleWheel(place.joint, at, 0.0, place.sign))
         if unknown := set(given.driven) - set(wheels):
-            raise SpecError(
-                f"{site.origin}: field 'platform.driven' names {sorted(unknown)[0]!r}; allowed: of "
-                f"{', '.join(wheels)}"
+            raise site.fault(
+                "driven", f" names {sorted(unknown)[0]!r}; allowed: of {', '.join(wheels)}"
             )
         driven = set(given.driven or wheels)
-        height = float(np.mean([place.centre[2] for place in places]))
-        return cls(
-            modules,
-            [one._replace(driven=one.joint in driven) for one in rolling],
-            given.wheel_radius,
-            root_offset=np.array([-middle.real, -middle.imag, given.wheel_radius - height]),
-            heading=given.heading,
-        )
+        rolling = [one._replace(driven=one.joint in driven) for one in rolling]
+        return cls(modules, rolling, **placed(given, middle, places))
 
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:

@@ -16,7 +16,6 @@ from mobman.model.platforms.body import (
     WheeledBody,
     WheelPart,
     body_urdf,
-    joint_names,
     required,
     required_body,
 )
@@ -25,6 +24,7 @@ from mobman.model.platforms.platform import Site, Wheel, platforms
 from mobman.model.platforms.wheels import (
     AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
+    Named,
     check_level,
     joint_place,
 )
@@ -84,8 +84,7 @@ class Omnidirectional(BodyFramePlatform):
         positions: Centres of the wheels in the platform's axes from its centre (m), shape (w, 2).
         forward: Where a positive rate rolls each wheel, unit vectors, shape (w, 2).
         rollers: Axes of the rollers that touch the ground, shape (w, 2).
-        root_offset: See :class:`Platform`.
-        heading: See :class:`Platform`.
+        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
     """
 
     def __init__(
@@ -95,14 +94,11 @@ class Omnidirectional(BodyFramePlatform):
         positions: Array,
         forward: Array,
         rollers: Array,
-        root_offset: Array | None = None,
-        heading: float = 0.0,
+        **place: Any,
     ) -> None:
         self.radius = R = radius
         along = np.einsum("ij,ij->i", rollers, forward)
-        across = forward[:, 0] * rollers[:, 1] - forward[:, 1] * rollers[:, 0]
-        turning = positions[:, 0] * rollers[:, 1] - positions[:, 1] * rollers[:, 0]
-        rows = np.column_stack([rollers, turning])
+        rows = np.column_stack([rollers, _cross(positions, rollers)])
         self.wheel_map = rows / (R * along[:, None])
         """W, phi' = W alpha, shape (w, 3)."""
         shares = self.wheel_map @ np.linalg.inv(self.wheel_map.T @ self.wheel_map)
@@ -112,24 +108,22 @@ class Omnidirectional(BodyFramePlatform):
             np.hstack([rows, -R * np.diag(along)]),
             np.vstack([np.eye(3), self.wheel_map]),
             np.vstack([np.zeros((3, 3)), shares]),
-            root_offset=root_offset,
-            heading=heading,
             wheels=tuple(
                 Wheel(joint, R, float(angle))
-                for joint, angle in zip(joints, np.arctan2(across, along), strict=True)
+                for joint, angle in zip(
+                    joints, np.arctan2(_cross(forward, rollers), along), strict=True
+                )
             ),
+            **place,
         )
 
     @classmethod
     def build(cls, site: Site) -> Omnidirectional:
         """See :meth:`Platform.build`; the wheels say where the middle is and which way they roll."""
-        given = _parameters(site.parameters, site.origin)
-        names = joint_names(site.origin, "wheels", given.wheels, given.body, _names(given))
+        given = site.read(OmnidirectionalParameters)
+        names = Named(site, given).names("wheels", _names(given))
         if len(set(names)) < max(3, len(names)):
-            raise SpecError(
-                f"{site.origin}: field 'platform.wheels' is {names}; allowed: three or more different "
-                "joints"
-            )
+            raise site.fault("wheels", f" is {names}; allowed: three or more different joints")
         places = [joint_place(site, name, "wheels", given.heading) for name in names]
         check_level(site, places)
         centre = np.mean([place.centre for place in places], axis=0)
@@ -138,14 +132,11 @@ class Omnidirectional(BodyFramePlatform):
         forward = np.column_stack([axes[:, 1], -axes[:, 0]])  # axis x z
         angles = _roller_angles(site, given, positions, forward)
         c, s = np.cos(angles), np.sin(angles)
-        sense = np.where(_rolls_ahead(forward), 1.0, -1.0)[:, None]
-        ahead = sense * forward
-        rollers = np.column_stack(
-            [c * ahead[:, 0] - s * ahead[:, 1], s * ahead[:, 0] + c * ahead[:, 1]]
-        )
-        rows = np.column_stack(
-            [rollers, positions[:, 0] * rollers[:, 1] - positions[:, 1] * rollers[:, 0]]
-        )
+        # a positive rate rolls a wheel ahead, or to the left where that is neither, or else backward
+        ahead = np.where(np.abs(forward[:, 0]) > AXIS_TOLERANCE, forward[:, 0], forward[:, 1]) > 0.0
+        x, y = (np.where(ahead, 1.0, -1.0)[:, None] * forward).T
+        rollers = np.column_stack([c * x - s * y, s * x + c * y])
+        rows = np.column_stack([rollers, _cross(positions, rollers)])
         singular = np.linalg.svd(rows, compute_uv=False)
         if singular[-1] < _SINGULAR * singular[0]:
             raise SpecError(
@@ -165,7 +156,7 @@ class Omnidirectional(BodyFramePlatform):
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
         """See :meth:`Platform.describe`: a box with its wheels on a rectangle or on a circle."""
-        given = _parameters(parameters, origin)
+        given = validate(OmnidirectionalParameters, parameters, f"{origin}: [platform]")
         body, R = required_body(origin, given.body), given.wheel_radius
         why = f"{given.kind} wheels need it"
         if given.kind == "mecanum":
@@ -185,11 +176,9 @@ class Omnidirectional(BodyFramePlatform):
         return body_urdf(body, wheels)
 
 
-def _rolls_ahead(forward: Array) -> Array:
-    """Wheels that a positive rate rolls ahead, or to the left where that is neither."""
-    x, y = forward[:, 0], forward[:, 1]
-    result: Array = np.where(np.abs(x) > AXIS_TOLERANCE, x > 0.0, y > 0.0)
-    return result
+def _cross(a: Array, b: Array) -> Array:
+    """The cross product of vectors of the plane, row by row."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _roller_angles(
@@ -197,18 +186,17 @@ def _roller_angles(
 ) -> Array:
     if given.roller_angles is not None:
         if len(given.roller_angles) != len(positions):
-            raise SpecError(
-                f"{site.origin}: field 'platform.roller_angles' has {len(given.roller_angles)} numbers "
-                f"for {len(positions)} wheels"
-            )
+            numbers = f"{len(given.roller_angles)} numbers for {len(positions)} wheels"
+            raise site.fault("roller_angles", f" has {numbers}")
         return np.array(given.roller_angles)
     if given.kind == "omni":
         return np.zeros(len(positions))
     crooked = np.any(np.abs(forward[:, 1]) > AXIS_TOLERANCE)
     if crooked or np.any(np.abs(positions) < LENGTH_TOLERANCE):
-        raise SpecError(
-            f"{site.origin}: field 'platform.roller_angles' is missing: it has a default only for "
-            "mecanum wheels whose axes are along the platform's y, in front of and behind its middle"
+        raise site.fault(
+            "roller_angles",
+            " is missing: it has a default only for mecanum wheels whose axes are along the platform's "
+            "y, in front of and behind its middle",
         )
     return -0.25 * math.pi * np.sign(positions[:, 0] * positions[:, 1])
 
@@ -219,10 +207,6 @@ def _names(given: OmnidirectionalParameters) -> list[str]:
         return [f"wheel_{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
     count = len(given.body.angles) if given.body is not None else 0
     return [f"wheel_{i + 1}" for i in range(count)]
-
-
-def _parameters(parameters: dict[str, Any], origin: str) -> OmnidirectionalParameters:
-    return validate(OmnidirectionalParameters, parameters, f"{origin}: [platform]")
 
 
 platforms.register("omnidirectional", Omnidirectional)

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mobman.arrays import Array
 from mobman.model.platforms.body import Body, body_urdf, required_body
-from mobman.model.platforms.body_frame import BodyFramePlatform
+from mobman.model.platforms.body_frame import BodyFramePlatform, offset_of
 from mobman.model.platforms.platform import Site, platforms
 from mobman.toml_model import Strict, validate
 
@@ -36,38 +35,26 @@ class Planar(BodyFramePlatform):
     left out: for bases on mecanum, omni or steered wheels whose URDF has no joints for them.
 
     Args:
-        root_offset: See :class:`Platform`.
-        heading: See :class:`Platform`.
+        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
     """
 
-    def __init__(self, root_offset: Array | None = None, heading: float = 0.0) -> None:
+    def __init__(self, **place: Any) -> None:
         super().__init__(
-            (),
-            ("v_x", "v_y", "omega"),
-            np.zeros((0, 3)),
-            np.eye(3),
-            np.eye(3),
-            root_offset=root_offset,
-            heading=heading,
+            (), ("v_x", "v_y", "omega"), np.zeros((0, 3)), np.eye(3), np.eye(3), **place
         )
 
     @classmethod
     def build(cls, site: Site) -> Planar:
         """See :meth:`Platform.build`."""
-        given = _parameters(site.parameters, site.origin)
-        c, s = np.cos(given.heading), np.sin(given.heading)
-        x, y = given.centre
-        return cls(np.array([-c * x - s * y, s * x - c * y, given.height]), given.heading)
+        given = site.read(PlanarParameters)
+        offset = offset_of(*given.centre, given.height, given.heading)
+        return cls(root_offset=offset, heading=given.heading)
 
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
         """See :meth:`Platform.describe`: a box."""
-        given = _parameters(parameters, origin)
+        given = validate(PlanarParameters, parameters, f"{origin}: [platform]")
         return body_urdf(required_body(origin, given.body))
-
-
-def _parameters(parameters: dict[str, Any], origin: str) -> PlanarParameters:
-    return validate(PlanarParameters, parameters, f"{origin}: [platform]")
 
 
 platforms.register("planar", Planar)

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,9 @@ from mobman.errors import SpecError
 from mobman.linalg import dot
 from mobman.registry import Registry
 from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.toml_model import Strict, validate
+
+M = TypeVar("M", bound=Strict)
 
 
 class Wheel(NamedTuple):
@@ -54,6 +57,18 @@ class Site(NamedTuple):
     """Folder that relative paths in the description start from."""
     track: float = 1.0
     """Factor of the wheels' distances to the left and right of the root link's origin."""
+
+    def read(self, model: type[M]) -> M:
+        """The fields of ``[platform]``.
+
+        Raises:
+            SpecError: If one is wrong.
+        """
+        return validate(model, self.parameters, f"{self.origin}: [platform]")
+
+    def fault(self, field: str, text: str) -> SpecError:
+        """The error of a field of ``[platform]``."""
+        return SpecError(f"{self.origin}: field 'platform.{field}'{text}")
 
 
 class ArmJoints(NamedTuple):
@@ -143,6 +158,8 @@ class Platform(ABC):
     """Joints that turn together without the ground's help."""
     skids: bool = False
     """True if the wheels slip sideways whenever it turns, which its equations say nothing of."""
+    equations: Equations
+    """A and N, and their derivatives."""
     inferred: tuple[str, ...] = ()
     """The fields of ``[platform]`` that ``mobman robots add`` is to find in a URDF for a type of the
     user's own: of ``heading``, ``right_wheel`` and ``left_wheel`` (or both with ``rear_`` in front),
@@ -177,11 +194,6 @@ class Platform(ABC):
             f"{origin}: field 'urdf' is missing: this platform type has no description by numbers"
         )
 
-    @property
-    @abstractmethod
-    def equations(self) -> Equations:
-        """A and N, and their derivatives."""
-
     def consistent(self, x: Array) -> Array:
         """x with the coordinates that others determine set accordingly; all are free by default.
 
@@ -201,21 +213,15 @@ class Platform(ABC):
 
     def velocity_map(self, x: Array) -> Array:
         """N(x), shape (l, l-k)."""
-        n = self._per_velocity()
-        plain(self.equations.velocity_map)(self.equations.parameters, x, n)
-        return n
+        return self._per_velocity(self.equations.velocity_map, x)
 
     def velocity_map_rate(self, x: Array, x_dot: Array) -> Array:
         """dN/dt along x', shape (l, l-k)."""
-        rate = self._per_velocity()
-        plain(self.equations.velocity_map_rate)(self.equations.parameters, x, x_dot, rate)
-        return rate
+        return self._per_velocity(self.equations.velocity_map_rate, x, x_dot)
 
     def actuation(self, x: Array) -> Array:
         """B''(x) of (16), shape (l, l-k)."""
-        b = self._per_velocity()
-        plain(self.equations.actuation)(self.equations.parameters, x, b)
-        return b
+        return self._per_velocity(self.equations.actuation, x)
 
     def constraint_hessian(self, x: Array, multiplier: Array) -> Array:
         """d(A^T lam)/dx at fixed lam, shape (l, l); not symmetric: the constraints do not integrate."""
@@ -223,9 +229,8 @@ class Platform(ABC):
 
     def constraint_hessian_rate(self, x: Array, x_dot: Array, multiplier: Array) -> Array:
         """d/dt of :meth:`constraint_hessian` along x' at fixed lam, shape (l, l)."""
-        l, k = len(self.coordinates), len(self.coordinates) - len(self.velocity_names)
-        rate = np.zeros((k, l, l))
-        equations = self.equations
+        equations, l = self.equations, len(self.coordinates)
+        rate = np.zeros((l - len(self.velocity_names), l, l))
         plain(equations.constraint_derivative_rate)(equations.parameters, x, x_dot, rate)
         return np.tensordot(multiplier, rate, axes=1)
 
@@ -235,8 +240,10 @@ class Platform(ABC):
         plain(self.equations.constraints)(self.equations.parameters, x, a, a_x)
         return a, a_x
 
-    def _per_velocity(self) -> Array:
-        return np.zeros((len(self.coordinates), len(self.velocity_names)))
+    def _per_velocity(self, fill: Callable[..., None], *given: Array) -> Array:
+        matrix = np.zeros((len(self.coordinates), len(self.velocity_names)))
+        plain(fill)(self.equations.parameters, *given, matrix)
+        return matrix
 
 
 platforms: Registry[type[Platform]] = Registry(

@@ -25,13 +25,12 @@ from pydantic import Field
 
 from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.compiled import kernel
-from mobman.errors import SpecError, UsageError
+from mobman.errors import UsageError
 from mobman.model.platforms.body import (
     Knuckle,
     WheeledBody,
     WheelPart,
     body_urdf,
-    joint_names,
     required,
     required_body,
 )
@@ -40,6 +39,7 @@ from mobman.model.platforms.wheels import (
     AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
     JointPlace,
+    Named,
     carriers,
     check_level,
     check_upright,
@@ -127,8 +127,7 @@ class Swerve(Platform):
         modules: The steering joints, before the places where nothing is steered.
         rolling: The wheels.
         radius: R (m).
-        root_offset: See :class:`Platform`.
-        heading: See :class:`Platform`.
+        root_offset, heading: See :class:`Platform`.
     """
 
     virtual_joints: tuple[str, ...] = TRAVEL_JOINTS
@@ -153,43 +152,25 @@ class Swerve(Platform):
         counts = len(self.modules), len(rolling), self._free, len(modules)
         numbers = [(m.position.real, m.position.imag, m.zero, m.sign) for m in modules]
         more = [(w.module, w.left, w.sign * radius, w.driven) for w in rolling]
-        self._equations = Equations(
+        self.equations = Equations(
             np.array([*counts, *np.ravel(numbers), *np.ravel(more)]),
-            _velocity_map,
-            _velocity_map_rate,
-            _constraints,
-            _constraint_derivative_rate,
-            _actuation,
+            *(_velocity_map, _velocity_map_rate, _constraints),
+            *(_constraint_derivative_rate, _actuation),
         )
 
     @classmethod
     def build(cls, site: Site) -> Swerve:
         """See :meth:`Platform.build`; the wheels say in which direction a module points."""
-        given = validate(SwerveParameters, site.parameters, f"{site.origin}: [platform]")
-        own = _spots(given.body, "") if given.body is not None else {}
-        steering, wheels = (
-            joint_names(site.origin, field, named, given.body, [f"{what}_{name}" for name in own])
-            for field, named, what in (
-                ("steering", given.steering, "steering"),
-                ("wheels", given.wheels, "wheel"),
-            )
-        )
+        given = site.read(SwerveParameters)
+        own, named = _spots(given.body, "") if given.body is not None else {}, Named(site, given)
+        steering = named.names("steering", [f"steering_{name}" for name in own])
+        wheels = named.names("wheels", [f"wheel_{name}" for name in own])
         if len(set(steering)) < max(2, len(steering)):
-            raise SpecError(
-                f"{site.origin}: field 'platform.steering' is {steering}; allowed: two or more "
-                "different joints"
-            )
+            raise site.fault("steering", f" is {steering}; allowed: two or more different joints")
         axes, places = located(site, steering, wheels, given.heading)
         middle = complex(np.mean([complex(*place.centre[:2]) for place in axes]))
         modules, rolling = modules_of(site, axes, places, middle)
-        height = float(np.mean([place.centre[2] for place in places]))
-        return cls(
-            modules,
-            rolling,
-            given.wheel_radius,
-            root_offset=np.array([-middle.real, -middle.imag, given.wheel_radius - height]),
-            heading=given.heading,
-        )
+        return cls(modules, rolling, **placed(given, middle, places))
 
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
@@ -207,11 +188,6 @@ class Swerve(Platform):
             )
             wheels.append(WheelPart(f"wheel_{name}", (0.0, 0.0, 0.0), R, parent=f"{joint}_link"))
         return body_urdf(body, wheels, knuckles)
-
-    @property
-    def equations(self) -> Equations:
-        """A and N."""
-        return self._equations
 
     def consistent(self, x: Array) -> Array:
         """See :meth:`Platform.consistent`: the steering angles that psi and kappa ask for, each on the
@@ -261,17 +237,22 @@ def located(
     """
     for field, names in (("steering", steering), ("wheels", wheels)):
         if len(set(names)) < len(names):
-            raise SpecError(
-                f"{site.origin}: field 'platform.{field}' is {names}; one is there twice"
-            )
+            raise site.fault(field, f" is {names}; one is there twice")
     axes = [joint_place(site, name, "steering", heading) for name in steering]
     check_upright(site, axes, "steering")
     places = [joint_place(site, name, "wheels", heading) for name in wheels]
     check_level(site, places)
     rho = np.array([complex(*place.centre[:2]) for place in axes])
     if np.min(np.abs(rho[:, None] - rho + np.eye(len(rho)))) < LENGTH_TOLERANCE:
-        raise SpecError(f"{site.origin}: field 'platform.steering': two axes are at one place")
+        raise site.fault("steering", ": two axes are at one place")
     return axes, places
+
+
+def placed(given: Any, middle: complex, wheels: Sequence[JointPlace]) -> dict[str, Any]:
+    """Radius and place of a platform whose reference point is in the middle (m)."""
+    height = given.wheel_radius - float(np.mean([place.centre[2] for place in wheels]))
+    offset = np.array([-middle.real, -middle.imag, height])
+    return {"radius": given.wheel_radius, "root_offset": offset, "heading": given.heading}
 
 
 def modules_of(
@@ -287,9 +268,10 @@ def modules_of(
         above = carriers(site, place)
         found = [i for i, name in enumerate(steering) if name in above]
         if len(found) != 1:
-            raise SpecError(
-                f"{site.origin}: field 'platform.wheels': {place.joint!r} is carried by {len(found)} of "
-                f"the joints in field 'platform.steering' ({', '.join(steering)}); allowed: one"
+            raise site.fault(
+                "wheels",
+                f": {place.joint!r} is carried by {len(found)} of the joints in field "
+                f"'platform.steering' ({', '.join(steering)}); allowed: one",
             )
         carried += found
     modules, rolling = list[Module](), list[ModuleWheel]()
@@ -305,9 +287,10 @@ def _zero(site: Site, axis: JointPlace, wheels: Sequence[JointPlace]) -> float:
     """The direction in which a module's wheels roll with all joints at zero (rad): of the two the one
     that is more to the front, or to the left."""
     if not wheels:
-        raise SpecError(
-            f"{site.origin}: field 'platform.wheels' names none behind {axis.joint!r} of field "
-            "'platform.steering'; a module that has no driven wheel is a caster: lock it"
+        raise site.fault(
+            "wheels",
+            f" names none behind {axis.joint!r} of field 'platform.steering'; a module that has no "
+            "driven wheel is a caster: lock it",
         )
     x, y = wheels[0].axis[1], -wheels[0].axis[0]  # axis x z
     if x < -AXIS_TOLERANCE or (abs(x) <= AXIS_TOLERANCE and y < 0.0):
@@ -319,16 +302,18 @@ def _wheel(site: Site, place: JointPlace, i: int, axis: JointPlace, zero: float)
     forward = np.array([math.cos(zero), math.sin(zero), 0.0])
     left = np.array([-math.sin(zero), math.cos(zero), 0.0])
     if abs(place.axis @ forward) > AXIS_TOLERANCE:
-        raise SpecError(
-            f"{site.origin}: field 'platform.wheels': {place.joint!r} rolls in another direction than "
-            f"the other wheels behind {axis.joint!r}"
+        raise site.fault(
+            "wheels",
+            f": {place.joint!r} rolls in another direction than the other wheels behind "
+            f"{axis.joint!r}",
         )
     apart = place.centre - axis.centre
     if abs(trail := float(apart @ forward)) > LENGTH_TOLERANCE:
-        raise SpecError(
-            f"{site.origin}: field 'platform.wheels': {place.joint!r} is {trail:+.4f} m ahead of the "
-            f"axis of {axis.joint!r}; allowed: beside it (what trails is a powered caster, which "
-            "moves in every direction without turning first)"
+        raise site.fault(
+            "wheels",
+            f": {place.joint!r} is {trail:+.4f} m ahead of the axis of {axis.joint!r}; allowed: beside "
+            "it (what trails is a powered caster, which moves in every direction without turning "
+            "first)",
         )
     return ModuleWheel(place.joint, i, float(apart @ left), float(np.sign(place.axis @ left)))
 

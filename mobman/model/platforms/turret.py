@@ -19,24 +19,22 @@ from pydantic import Field
 
 from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.compiled import kernel
-from mobman.errors import SpecError
 from mobman.model.platforms.body import (
     Knuckle,
     WheeledBody,
     WheelPart,
     body_urdf,
-    joint_names,
     required,
     required_body,
 )
 from mobman.model.platforms.platform import Equations, Platform, Site, Wheel, platforms
 from mobman.model.platforms.wheels import (
     LENGTH_TOLERANCE,
+    Named,
     carriers,
     check_upright,
     joint_place,
     sides,
-    wheel_place,
 )
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.toml_model import Strict, validate
@@ -96,8 +94,7 @@ class Turret(Platform):
         offset: a (m), not 0.
         turn: +1 where a positive angle turns the carriage to the left, else -1.
         signs: +1 where a wheel's positive rate drives forward, else -1.
-        root_offset: See :class:`Platform`.
-        heading: See :class:`Platform`.
+        root_offset, heading: See :class:`Platform`.
     """
 
     def __init__(
@@ -118,54 +115,45 @@ class Turret(Platform):
         self.root_offset = np.zeros(3) if root_offset is None else root_offset
         self.heading = heading
         self.wheels = tuple(Wheel(joint, radius) for joint in wheels)
-        self._equations = Equations(
+        self.equations = Equations(
             np.array([radius * signs[0], radius * signs[1], half_track, offset, turn]),
-            _velocity_map,
-            _velocity_map_rate,
-            _constraints,
-            _constraint_derivative_rate,
-            _actuation,
+            *(_velocity_map, _velocity_map_rate, _constraints),
+            *(_constraint_derivative_rate, _actuation),
         )
 
     @classmethod
     def build(cls, site: Site) -> Turret:
         """See :meth:`Platform.build`."""
-        given = validate(TurretParameters, site.parameters, f"{site.origin}: [platform]")
-        turret, right, left = (
-            joint_names(site.origin, field, [named], given.body, [own])[0]
-            for field, named, own in (
-                ("turret", given.turret, _TURRET),
-                ("right_wheel", given.right_wheel, _RIGHT),
-                ("left_wheel", given.left_wheel, _LEFT),
-            )
-        )
+        given = site.read(TurretParameters)
+        named = Named(site, given)
+        (turret,) = named.names("turret", [_TURRET])
         axis = joint_place(site, turret, "turret", given.heading)
         check_upright(site, [axis], "turret")
-        places = [
-            wheel_place(site, name, field, given.heading)
-            for name, field in ((right, "right_wheel"), (left, "left_wheel"))
-        ]
+        places = named.pair("right_wheel", "left_wheel", _RIGHT, _LEFT)
         if any(turret not in carriers(site, place) for place in places):
-            raise SpecError(
-                f"{site.origin}: field 'platform.turret': {turret!r} does not carry the wheels; where "
-                "the body turns on a carriage that is the root link, use type 'differential'"
+            raise site.fault(
+                "turret",
+                f": {turret!r} does not carry the wheels; where the body turns on a carriage that is "
+                "the root link, use type 'differential'",
             )
         axle, half_track = sides(site, places[:1], places[1:])
         apart = axis.centre - axle
         if abs(apart[1]) > LENGTH_TOLERANCE:
-            raise SpecError(
-                f"{site.origin}: field 'platform.turret': its axis is {apart[1]:+.4f} m beside the "
-                "middle of the wheels; allowed: ahead of it or behind it"
+            raise site.fault(
+                "turret",
+                f": its axis is {apart[1]:+.4f} m beside the middle of the wheels; allowed: ahead of "
+                "it or behind it",
             )
         offset = float(apart[0]) if given.offset is None else given.offset
         if abs(offset) < _LEAST:
-            raise SpecError(
-                f"{site.origin}: field 'platform.offset' is {offset:.4f} m; allowed: at least {_LEAST} "
-                "m either way, or else the wheels do not move the body sideways"
+            raise site.fault(
+                "offset",
+                f" is {offset:.4f} m; allowed: at least {_LEAST} m either way, or else the wheels do "
+                "not move the body sideways",
             )
         return cls(
             turret,
-            (right, left),
+            (places[0].joint, places[1].joint),
             given.wheel_radius,
             half_track if given.half_track is None else given.half_track,
             offset,
@@ -191,11 +179,6 @@ class Turret(Platform):
             for name, y in ((_RIGHT, -W), (_LEFT, W))
         ]
         return body_urdf(body, wheels, [carriage])
-
-    @property
-    def equations(self) -> Equations:
-        """A and N."""
-        return self._equations
 
 
 # Parameters of the kernels: sign R of the right and of the left wheel, W, a, turn.

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mobman.arrays import Array
 from mobman.model.platforms.body import Body, body_urdf, required_body
-from mobman.model.platforms.body_frame import BodyFramePlatform
+from mobman.model.platforms.body_frame import BodyFramePlatform, offset_of
 from mobman.model.platforms.platform import Site, platforms
 from mobman.toml_model import Strict, validate
 
@@ -39,46 +38,30 @@ class Unicycle(BodyFramePlatform):
 
     Args:
         offset: a (m).
-        root_offset: See :class:`Platform`.
-        heading: See :class:`Platform`.
+        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
     """
 
-    def __init__(
-        self, offset: float = 0.0, root_offset: Array | None = None, heading: float = 0.0
-    ) -> None:
+    def __init__(self, offset: float = 0.0, **place: Any) -> None:
         self.offset = offset
-        super().__init__(
-            (),
-            ("v", "omega"),
-            np.array([[0.0, -1.0, offset]]),
-            np.array([[1.0, 0.0], [0.0, offset], [0.0, 1.0]]),
-            # a force through the axle turns nothing about the reference point ahead of it
-            np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
-            root_offset=root_offset,
-            heading=heading,
-        )
+        A_b = np.array([[0.0, -1.0, offset]])
+        N_b = np.array([[1.0, 0.0], [0.0, offset], [0.0, 1.0]])
+        # a force through the axle turns nothing about the reference point ahead of it
+        B_b = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+        super().__init__((), ("v", "omega"), A_b, N_b, B_b, **place)
 
     @classmethod
     def build(cls, site: Site) -> Unicycle:
         """See :meth:`Platform.build`."""
-        given = _parameters(site.parameters, site.origin)
-        c, s = np.cos(given.heading), np.sin(given.heading)
-        x, y = given.axle
-        return cls(
-            given.reference_offset,
-            np.array([-given.reference_offset - c * x - s * y, s * x - c * y, given.height]),
-            given.heading,
-        )
+        given = site.read(UnicycleParameters)
+        offset = offset_of(*given.axle, given.height, given.heading)
+        offset[0] -= given.reference_offset
+        return cls(given.reference_offset, root_offset=offset, heading=given.heading)
 
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
         """See :meth:`Platform.describe`: a box."""
-        given = _parameters(parameters, origin)
+        given = validate(UnicycleParameters, parameters, f"{origin}: [platform]")
         return body_urdf(required_body(origin, given.body))
-
-
-def _parameters(parameters: dict[str, Any], origin: str) -> UnicycleParameters:
-    return validate(UnicycleParameters, parameters, f"{origin}: [platform]")
 
 
 platforms.register("unicycle", Unicycle)

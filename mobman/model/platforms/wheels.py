@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
+from mobman.model.platforms.body import required
 from mobman.model.platforms.platform import Site
 from mobman.robots.urdf.compose import BASE_JOINTS
 
@@ -50,10 +51,7 @@ def joint_place(site: Site, name: str, field: str, heading: float) -> JointPlace
     tree = site.tree
     if not tree.existJointName(name):
         movable = ", ".join(n for n in list(tree.names)[1:] if n not in BASE_JOINTS) or "none"
-        raise SpecError(
-            f"{site.origin}: field 'platform.{field}': the URDF has no movable joint {name!r}; it "
-            f"has: {movable}"
-        )
+        raise site.fault(field, f": the URDF has no movable joint {name!r}; it has: {movable}")
     data = tree.createData()
     pin.computeJointJacobians(tree, data, pin.neutral(tree))
     index = tree.getJointId(name)
@@ -72,12 +70,48 @@ def wheel_place(site: Site, name: str, field: str, heading: float) -> JointPlace
     """
     place = joint_place(site, name, field, heading)
     if abs(place.axis[1]) < math.cos(AXIS_TOLERANCE):
-        raise SpecError(
-            f"{site.origin}: field 'platform.{field}': the axis of joint {name!r} is "
-            f"{place.axis.round(3)} in the platform frame; a wheel turns about the platform's y axis "
-            "(to the left; see field 'platform.heading' for a root link whose x axis is not forward)"
+        raise site.fault(
+            field,
+            f": the axis of joint {name!r} is {place.axis.round(3)} in the platform frame; a wheel "
+            "turns about the platform's y axis (to the left; see field 'platform.heading' for a root "
+            "link whose x axis is not forward)",
         )
     return place
+
+
+class Named:
+    """The joints that fields of ``[platform]`` name.
+
+    Args:
+        site: The description and its tree.
+        given: The fields; the joints of a platform with a ``body`` have names of their own by default.
+    """
+
+    def __init__(self, site: Site, given: Any) -> None:
+        self.site, self.given = site, given
+
+    def names(self, field: str, own: Iterable[str]) -> list[str]:
+        """Names of the joints of a field, a name or a list of them; ``own`` are those by default.
+
+        Raises:
+            SpecError: If it is missing, and there is no ``[platform.body]``.
+        """
+        value = getattr(self.given, field)
+        named = [value] if isinstance(value, str) else list(value or ())
+        if self.given.body is not None:
+            return named or list(own)
+        why = "name the URDF's joint, or give [platform.body]"
+        return required(self.site.origin, field, named, why)
+
+    def wheels(self, field: str, *own: str) -> list[JointPlace]:
+        """Places of a field's wheels, see :func:`wheel_place`."""
+        heading = self.given.heading
+        return [wheel_place(self.site, n, field, heading) for n in self.names(field, own)]
+
+    def pair(self, right: str, left: str, *own: str) -> tuple[JointPlace, JointPlace]:
+        """Places of the wheels that two fields name, the right and the left one."""
+        (one,), (other,) = self.wheels(right, own[0]), self.wheels(left, own[1])
+        return one, other
 
 
 def carriers(site: Site, place: JointPlace) -> list[str]:
@@ -94,9 +128,10 @@ def check_upright(site: Site, places: Sequence[JointPlace], field: str) -> None:
     """
     for place in places:
         if abs(place.axis[2]) < math.cos(AXIS_TOLERANCE):
-            raise SpecError(
-                f"{site.origin}: field 'platform.{field}': the axis of joint {place.joint!r} is "
-                f"{place.axis.round(3)} in the platform frame; a steering joint's is vertical"
+            raise site.fault(
+                field,
+                f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform frame; "
+                "a steering joint's is vertical",
             )
 
 
@@ -106,17 +141,19 @@ def check_level(site: Site, places: Sequence[JointPlace]) -> None:
     Raises:
         SpecError: If one has not.
     """
+    first = places[0]
     for place in places:
         if abs(place.axis[2]) > AXIS_TOLERANCE:
-            raise SpecError(
-                f"{site.origin}: field 'platform.wheels': the axis of joint {place.joint!r} is "
-                f"{place.axis.round(3)} in the platform frame; a wheel's is horizontal"
+            raise site.fault(
+                "wheels",
+                f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform frame; "
+                "a wheel's is horizontal",
             )
-        if abs(place.centre[2] - places[0].centre[2]) > LENGTH_TOLERANCE:
-            raise SpecError(
-                f"{site.origin}: field 'platform.wheels': {places[0].joint!r} and {place.joint!r} are "
-                f"at heights {places[0].centre[2]:.4f} and {place.centre[2]:.4f}; wheels of one radius "
-                "on one ground are at one height"
+        if abs(place.centre[2] - first.centre[2]) > LENGTH_TOLERANCE:
+            raise site.fault(
+                "wheels",
+                f": {first.joint!r} and {place.joint!r} are at heights {first.centre[2]:.4f} and "
+                f"{place.centre[2]:.4f}; wheels of one radius on one ground are at one height",
             )
 
 
@@ -133,23 +170,16 @@ def sides(
             right; or if one axle has its right wheel ahead of the left one.
     """
     places = [*right, *left]
+    sideways = [float(np.mean([p.centre[1] for p in side])) for side in (right, left)]
     centre = np.mean([np.mean([p.centre for p in side], axis=0) for side in (right, left)], axis=0)
-    half_track = 0.5 * float(
-        np.mean([p.centre[1] for p in left]) - np.mean([p.centre[1] for p in right])
-    )
-    level = all(abs(p.centre[2] - centre[2]) <= LENGTH_TOLERANCE for p in places)
-    on_lines = all(
-        abs(p.centre[1] - centre[1] - side * half_track) <= LENGTH_TOLERANCE
-        for side, wheels in ((-1.0, right), (1.0, left))
-        for p in wheels
-    )
-    ahead_right, ahead_left = (
-        np.array(sorted(float(p.centre[0]) for p in wheels)) for wheels in (right, left)
-    )
-    paired = len(right) == len(left) and bool(
-        np.all(np.abs(ahead_right - ahead_left) <= LENGTH_TOLERANCE)
-    )
-    if not (half_track > 0 and level and on_lines and paired):
+    half_track = 0.5 * (sideways[1] - sideways[0])
+    lines = np.repeat([-half_track, half_track], [len(right), len(left)])
+    apart = np.array([p.centre for p in places]) - centre
+    in_place = np.all(np.abs(apart[:, 1] - lines) <= LENGTH_TOLERANCE)
+    level = np.all(np.abs(apart[:, 2]) <= LENGTH_TOLERANCE)
+    one, other = (np.sort([p.centre[0] for p in side]) for side in (right, left))
+    paired = len(one) == len(other) and np.all(np.abs(one - other) <= LENGTH_TOLERANCE)
+    if not (half_track > 0 and level and in_place and paired):
         listing = ", ".join(f"{p.joint!r} at {p.centre.round(4)}" for p in places)
         raise SpecError(
             f"{site.origin}: [platform]: the wheels {listing} are not a right and a left one on one "
