@@ -77,7 +77,6 @@ class Adaptive(ExtendedJacobianControl):
         super().reset(robot, task, dt)
 
     def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
-        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         robot, (k_d, omega) = self._robot, self.numbers("k_d", "omega")
         regressor = Regressor(robot, now, z_dot)
         self.theta = nominal_parameters(robot)

@@ -25,15 +25,7 @@ from mobman.controllers.task_errors import (
     error_rate,
     take_acceleration,
 )
-from mobman.linalg import (
-    apply,
-    apply_transpose,
-    cholesky,
-    cholesky_solve,
-    gram,
-    solve,
-    well_posed,
-)
+from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, gram, solve, well_posed
 from mobman.model.criterion import criterion_entry
 from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -169,7 +161,6 @@ class PseudoInverse(ResolvedAcceleration):
     Gains = RedundancyGains
 
     def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        """See :class:`ResolvedAcceleration`."""
         now, nq, p, wanted = space.now, robot.nq, space.p, np.zeros(space.p)
         g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
         numbers = (*self.numbers("k_0", "k_d"), float(getattr(self.gains, "mu", 0.0)))

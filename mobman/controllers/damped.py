@@ -54,14 +54,7 @@ class Damping(NamedTuple):
 
 @kernel
 def damp(
-    dt: float,
-    JJ: Matrix,
-    drift: Vector,
-    own: Damping,
-    v_ref: Vector,
-    J: Matrix,
-    z: Vector,
-    m: int,
+    dt: float, JJ: Matrix, drift: Vector, own: Damping, v_ref: Vector, J: Matrix, z: Vector, m: int
 ) -> None:
     """Fill R and y; add R to J J^T, and J y to the drift of s."""
     p, nz, size = J.shape[0], J.shape[1], 1.0

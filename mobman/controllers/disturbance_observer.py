@@ -51,7 +51,6 @@ class DisturbanceObserver(ExtendedJacobianControl):
     signals_in_place = True
 
     def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
-        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         share = -math.expm1(-float(self.gains.K_O) * self._dt)
         self.D, with_D, last_z_dot = np.zeros((3, len(v)))
         last_z = np.full(len(v), math.nan)

@@ -69,7 +69,6 @@ class ComputedTorqueIntegral(LimitedMotors, ExtendedJacobianControl):
         return v
 
     def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
-        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         self._integral = np.zeros(space.p)
         given = (*self.numbers("K_p", "K_v", "K_i"), self._dt, self._integral, wanted)
         return bind(integral_acceleration, space.tracking, *given)
@@ -134,7 +133,6 @@ class TimeDelayControl(ComputedTorqueIntegral):
         return self._v.copy()
 
     def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
-        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         given = (now.M, now.B, z_dot, self._measured, *self.numbers("mu"), v, np.zeros(len(v)))
         return bind(incremental_torque, *given, *workspace(len(v)))
 

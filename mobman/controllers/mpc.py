@@ -112,7 +112,6 @@ class PredictiveControl(LimitedProgram):
         return {"mpc/cost": self.cost}
 
     def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         gains, nz = self.gains, robot.nz
         self._robot, self._now, self._middle = robot, space, Buffers(robot)
         self._root = np.sqrt(base_metric(robot))

@@ -76,7 +76,6 @@ class NullSpaceSlidingMode(TerminalSlidingMode):
     extended = False
 
     def metric(self, robot: MobileManipulator) -> Array:
-        """See :class:`TerminalSlidingMode`."""
         return base_metric(robot)
 
     def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> Entries:

@@ -79,7 +79,6 @@ class FirstOrderSliding(ExtendedJacobianControl):
         self._settings["layer"] = self._layer
 
     def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
-        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         numbers = (*self.numbers("Lambda", "rho"), self._layer)
         return bind(unit_vector_acceleration, space.tracking, *numbers, wanted)
 
@@ -134,7 +133,6 @@ class SuperTwisting(ExtendedJacobianControl):
     Gains: Any = TwistingGains
 
     def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
-        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         numbers = (*self.numbers("Lambda", "L"), self._dt)
         return bind(twisting_acceleration, space.tracking, *numbers, np.zeros(space.p), wanted)
 

@@ -68,7 +68,6 @@ class TaskPriority(ResolvedAcceleration):
     uses = ("M", "bias", "J'", "limits")
 
     def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        """See :class:`ResolvedAcceleration`."""
         now, wanted, root = space.now, np.zeros(space.p), np.sqrt(base_metric(robot))
         k_d, k_0, k_l, zone, epsilon = self.numbers("k_d", "k_0", "k_l", "zone", "epsilon")
         k_0 *= unit_stiffness(robot, self.criterion)

@@ -63,7 +63,6 @@ class WholeBodyQP(LimitedProgram):
     uses = ("M", "bias", "J'", "limits")
 
     def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        """See :class:`mobman.controllers.baselines.ResolvedAcceleration`."""
         now, wanted, solve = space.now, np.zeros(space.p), self._solve
         rho, kappa, k_d, k_0 = self.numbers("rho", "kappa", "k_d", "k_0")
         root, k_0 = np.sqrt(base_metric(robot)), k_0 * unit_stiffness(robot, self.criterion)

@@ -33,8 +33,7 @@ _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is
 
 
 def load_robot(
-    name_or_path: str | os.PathLike[str] | RobotSpec | Mapping[str, Any] | pin.Model,
-    **facts: Any,
+    name_or_path: str | os.PathLike[str] | RobotSpec | Mapping[str, Any] | pin.Model, **facts: Any
 ) -> MobileManipulator:
     """A robot by its name, its TOML file, its description, or its URDF.
 
@@ -84,26 +83,27 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     links = [str(link.get("name")) for link in assembly.robot.findall("link")]
     platform = _platform(spec, assembly, spec.platform.parameters)
     tree = _parse(spec, _flat(assembly.robot, where, platform))
-    locked = _locked(spec, assembly, platform, tree)
     followers = _followers(spec, assembly, platform)
-    model = pin.buildReducedModel(tree, locked, _named_values(spec, tree, "rest", assembly.rest))
+    model = pin.buildReducedModel(tree, *_locked(spec, assembly, platform, tree))
     _give_back_names(model.frames)
     if spec.arm.tip not in links:
         raise SpecError(
             f"{where}: field 'arm.tip' is {spec.arm.tip!r}, which is no link of {sources}; its links: "
             f"{', '.join(links)}"
         )
+    known = list(tree.names)
     robot = MobileManipulator(
         spec=spec,
         urdf=sources,
         model=model,
         platform=platform,
-        q_rest=_named_values(spec, model, "rest", spec.rest, known=list(tree.names)),
-        criterion_weights=_criterion_weights(spec, platform, followers, model, list(tree.names)),
+        q_rest=_named_values(spec, model, "rest", spec.rest, known=known),
+        criterion_weights=_criterion_weights(spec, platform, followers, model, known),
         criterion_couplings=_criterion_couplings(spec, model),
         followers=followers,
     )
-    _checked(_with_consistent_rest(robot))
+    _make_rest_consistent(robot)
+    _check(robot)
     given, base = spec.criterion, platform.base_joints
     if base and given.heading is None and base[-1] not in given.weights:
         robot.criterion_weights[robot.joint_names.index(base[-1])] = heading_weight(robot)
@@ -156,12 +156,7 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
             models.append(pin.buildGeomFromUrdfString(tree, xml, kind))
         except (ValueError, RuntimeError) as error:
             raise SpecError(f"{where}: geometry of {robot.urdf}: {error}") from error
-    _, reduced = pin.buildReducedModel(
-        tree,
-        models,
-        _locked(spec, assembly, robot.platform, tree),
-        _named_values(spec, tree, "rest", assembly.rest),
-    )
+    _, reduced = pin.buildReducedModel(tree, models, *_locked(spec, assembly, robot.platform, tree))
     for geometry in reduced:
         _give_back_names(geometry.geometryObjects)
     return Geometry(visual=reduced[0], collision=reduced[1])
@@ -209,7 +204,7 @@ def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -
         mounted.append(Mounted(part, mount, field))
     robot = compose(platform, mounted)
     rest, following = dict(spec.rest), list[Follower]()
-    movable = dict(_movable(robot))
+    movable = _movable(robot)
     for name in movable:
         one = _followed(name, movable, locked, where)
         if one is None:
@@ -226,11 +221,7 @@ def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -
 def _followed(
     name: str, movable: Mapping[str, ET.Element], locked: set[str], where: str
 ) -> Follower | None:
-    """The joint that one follows at last, through those in between; None if it follows none.
-
-    Raises:
-        SpecError: If joints follow each other in a circle.
-    """
+    """The joint that one follows at last, through those in between; None if it follows none."""
     ratio, offset, of, seen = 1.0, 0.0, name, [name]
     while of in movable and of not in locked and (law := movable[of].find("mimic")) is not None:
         offset += ratio * scalar(law, "offset")
@@ -246,11 +237,7 @@ def _followed(
 
 
 def _followers(spec: RobotSpec, assembly: Assembly, platform: Platform) -> list[Follower]:
-    """The joints that follow one of the arm; those of the platform follow by its own equations.
-
-    Raises:
-        SpecError: If one follows a joint of the platform.
-    """
+    """The joints that follow one of the arm; those of the platform follow by its own equations."""
     own = set(platform.coordinates)
     found = [one for one in assembly.following if one.joint not in own]
     for one in found:
@@ -263,16 +250,11 @@ def _followers(spec: RobotSpec, assembly: Assembly, platform: Platform) -> list[
 
 
 def _part(
-    source: UrdfSource,
-    file: UrdfFile,
-    field: str,
-    prefix: str,
-    with_meshes: bool,
-    locked: set[str],
+    source: UrdfSource, file: UrdfFile, field: str, prefix: str, meshes: bool, locked: set[str]
 ) -> ET.Element:
     """A part's ``<robot>`` element; the joints that its source locks are added to ``locked``."""
     robot = file.parse()
-    names = [name for name, _ in _movable(robot)]
+    names = list(_movable(robot))
     for pattern in source.lock:
         matching = {prefix + name for name in names if fnmatchcase(name, pattern)}
         if not matching:
@@ -281,15 +263,15 @@ def _part(
                 f"{', '.join(names)}"
             )
         locked |= matching
-    if with_meshes:
+    if meshes:
         absolute_meshes(robot, file)
     return robot
 
 
-def _movable(robot: ET.Element) -> list[tuple[str, ET.Element]]:
+def _movable(robot: ET.Element) -> dict[str, ET.Element]:
     """The joints that are not fixed, by name."""
     joints = robot.findall("joint")
-    return [(str(one.get("name")), one) for one in joints if one.get("type") != "fixed"]
+    return {str(one.get("name")): one for one in joints if one.get("type") != "fixed"}
 
 
 def platform_type(spec: RobotSpec) -> type[Platform]:
@@ -322,13 +304,16 @@ def _parse(spec: RobotSpec, xml: str) -> pin.Model:
         raise SpecError(f"{spec.where}: Pinocchio refuses the URDF: {error}") from error
 
 
-def _locked(spec: RobotSpec, assembly: Assembly, platform: Platform, tree: pin.Model) -> list[int]:
-    """Indices of the joints that the description locks."""
+def _locked(
+    spec: RobotSpec, assembly: Assembly, platform: Platform, tree: pin.Model
+) -> tuple[list[int], Array]:
+    """Indices of the joints that the description locks, and q with where they are held."""
     if driven := assembly.locked & set(platform.coordinates):
         raise SpecError(
             f"{spec.where}: field 'urdf.lock' locks the platform's own {sorted(driven)}"
         )
-    return [int(tree.getJointId(name)) for name in sorted(assembly.locked)]
+    locked = [int(tree.getJointId(name)) for name in sorted(assembly.locked)]
+    return locked, _named_values(spec, tree, "rest", assembly.rest)
 
 
 def _named_values(
@@ -337,14 +322,14 @@ def _named_values(
     field: str,
     values: Mapping[str, float],
     default: float = 0.0,
-    known: list[str] | None = None,
+    known: Sequence[str] = (),
 ) -> Array:
     """A vector over q from values by joint name; names in ``known`` may be absent from the model."""
     vector = np.full(model.nq, default)
     for name, value in values.items():
         if model.existJointName(name):
             vector[model.joints[model.getJointId(name)].idx_q] = value
-        elif name not in (known or []):
+        elif name not in known:
             raise SpecError(
                 f"{spec.where}: field '{field}' names {name!r}, which is no movable joint; "
                 f"allowed: {', '.join(model.names[1:])}"
@@ -355,7 +340,7 @@ def _named_values(
 def _criterion_weights(
     spec: RobotSpec,
     platform: Platform,
-    followers: Sequence[Follower],
+    followers: list[Follower],
     model: pin.Model,
     known: list[str],
 ) -> Array:
@@ -367,14 +352,8 @@ def _criterion_weights(
     base |= dict.fromkeys(following, _FOLLOWING)
     if given.wheels is not None:
         base |= {wheel.joint: given.wheels for wheel in platform.wheels}
-    return _named_values(
-        spec,
-        model,
-        "criterion.weights",
-        {**base, **given.weights},
-        default=given.default,
-        known=known,
-    )
+    weights = {**base, **given.weights}
+    return _named_values(spec, model, "criterion.weights", weights, given.default, known)
 
 
 def _criterion_couplings(spec: RobotSpec, model: pin.Model) -> Array:
@@ -387,13 +366,8 @@ def _criterion_couplings(spec: RobotSpec, model: pin.Model) -> Array:
     return couplings
 
 
-def _with_consistent_rest(robot: MobileManipulator) -> MobileManipulator:
-    """The robot, with what [rest] leaves out as the other coordinates make it.
-
-    Raises:
-        SpecError: If [rest] says otherwise.
-    """
-    where = robot.spec.where
+def _make_rest_consistent(robot: MobileManipulator) -> None:
+    """Set what [rest] leaves out as the other coordinates make it, or refuse what it says."""
     try:
         robot.q_rest = robot.consistent(robot.q_rest)
         given = robot.q_rest.copy()
@@ -401,17 +375,13 @@ def _with_consistent_rest(robot: MobileManipulator) -> MobileManipulator:
             given[robot.joint_names.index(name)] = robot.spec.rest[name]
         robot.checked_configuration(given)
     except UsageError as error:
-        raise SpecError(f"{where}: [rest]: {str(error).removeprefix('q0: ')}") from error
-    return robot
+        text = str(error).removeprefix("q0: ")
+        raise SpecError(f"{robot.spec.where}: [rest]: {text}") from error
 
 
-def _checked(robot: MobileManipulator) -> None:
-    """Check that a robot's numbers make sense.
-
-    Raises:
-        SpecError: If the rest posture is outside the limits, a weight is not positive, the arm has
-            no joint, or the reduced inertia is not positive definite.
-    """
+def _check(robot: MobileManipulator) -> None:
+    """Refuse a rest posture outside the limits, weights that are not positive, an arm without joints,
+    and a reduced inertia that is not positive definite."""
     where = robot.spec.where
     if robot.n == 0:
         raise SpecError(f"{where}: no joint is left for the arm; see field 'urdf.lock'")
@@ -440,11 +410,8 @@ def _checked(robot: MobileManipulator) -> None:
         )
     least, directions = np.linalg.eigh(inertia)
     if least[0] <= 0:
-        worst = [
-            robot.velocity_names[i]
-            for i in np.argsort(-np.abs(directions[:, 0]))
-            if abs(directions[i, 0]) > _SHARE
-        ]
+        share = np.abs(directions[:, 0])
+        worst = [robot.velocity_names[i] for i in np.argsort(-share) if share[i] > _SHARE]
         raise SpecError(
             f"{where}: the reduced inertia M is not positive definite at rest: moving "
             f"{', '.join(worst)} meets no inertia; check mass and moments in the <inertial> elements of "

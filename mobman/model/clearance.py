@@ -19,6 +19,7 @@ from mobman.model.obstacles import Obstacle
 _FINEST = 4  # cells along the longest edge of what a link's spheres cover
 
 
+@criteria.register("clearance")
 class Clearance(Term):
     r"""Distance from obstacles,
     :math:`F = \sum \tfrac{w}{12}\,\delta^4/b^2` over obstacles and the spheres that cover the robot.
@@ -97,7 +98,6 @@ class LinkClearance(ByComplexStep):
         return float(scale * np.sum(np.array(depths) ** 4))
 
     def derivatives(self, q: Array, along: Array) -> tuple[Array, Array]:
-        """See :class:`ByComplexStep`."""
         gradient = np.zeros(len(q), dtype=along.dtype)
         hessian = np.zeros((len(q), len(q)), dtype=along.dtype)
         points, margin = self._centres(q), self._given.margin
@@ -167,6 +167,3 @@ def _spheres(solid: pin.GeometryObject) -> tuple[Array, Array]:
     grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
     centres = (low + grid * size) @ solid.placement.rotation.T + solid.placement.translation
     return centres, np.full(len(grid), 0.5 * np.linalg.norm(size / counts))
-
-
-criteria.register("clearance", Clearance)

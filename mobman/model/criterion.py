@@ -63,18 +63,14 @@ criteria: Registry[type[Term]] = Registry("criterion", "mobman.model", "mobman.c
 
 
 def criterion_entry(
-    criterion: Criterion,
-    q: Array,
-    q_dot: Array,
-    gradient: Array,
-    hessian: Array,
-    hessian_rate: Array,
+    criterion: Criterion, q: Array, q_dot: Array, *into: Array
 ) -> Callable[[], None]:
-    """A function that writes g, H and H' at (q, q') into arrays."""
+    """A function that writes g, H and H' at (q, q') into three arrays."""
     entry = getattr(criterion, "entry", None)
     if entry is not None:
-        own: Callable[[], None] = entry(q, q_dot, gradient, hessian, hessian_rate)
+        own: Callable[[], None] = entry(q, q_dot, *into)
         return own
+    gradient, hessian, hessian_rate = into
 
     def evaluate() -> None:
         gradient[:] = criterion.gradient(q.copy())
@@ -108,10 +104,9 @@ class ByComplexStep:
         rate: Array = np.imag(hessian) / _STEP
         return rate
 
-    def entry(
-        self, q: Array, q_dot: Array, gradient: Array, hessian: Array, hessian_rate: Array
-    ) -> Callable[[], None]:
+    def entry(self, q: Array, q_dot: Array, *into: Array) -> Callable[[], None]:
         """See :class:`Criterion`; one evaluation has all three."""
+        gradient, hessian, hessian_rate = into
 
         def evaluate() -> None:
             g, H = self.derivatives(q, q + 1j * _STEP * q_dot)
@@ -136,11 +131,7 @@ class Posture:
     """
 
     def __init__(
-        self,
-        weights: Array,
-        q_rest: Array,
-        scale: float = 1.0,
-        couplings: Array | None = None,
+        self, weights: Array, q_rest: Array, scale: float = 1.0, couplings: Array | None = None
     ) -> None:
         self.weights = np.asarray(weights, dtype=float)
         self.q_rest = np.asarray(q_rest, dtype=float)
@@ -181,10 +172,9 @@ class Posture:
         """Zero, shape (nq, nq)."""
         return np.zeros_like(self._hessian)
 
-    def entry(
-        self, q: Array, q_dot: Array, gradient: Array, hessian: Array, hessian_rate: Array
-    ) -> Callable[[], None]:
+    def entry(self, q: Array, q_dot: Array, *into: Array) -> Callable[[], None]:
         """See :class:`Criterion`; H and H' are constant and written once, here."""
+        gradient, hessian, hessian_rate = into
         hessian[:] = self._hessian
         hessian_rate[:] = 0.0
         if self._coupled:
@@ -210,30 +200,28 @@ class Sum:
 
     def gradient(self, q: Array) -> Array:
         """dF/dq, shape (nq,)."""
-        total: Array = np.sum([part.gradient(q) for part in self._parts], axis=0)
-        return total
+        return self._total("gradient", q)
 
     def hessian(self, q: Array) -> Array:
         """d2F/dq2, shape (nq, nq)."""
-        total: Array = np.sum([part.hessian(q) for part in self._parts], axis=0)
-        return total
+        return self._total("hessian", q)
 
     def hessian_rate(self, q: Array, q_dot: Array) -> Array:
         """dH/dt along q', shape (nq, nq)."""
-        total: Array = np.sum([part.hessian_rate(q, q_dot) for part in self._parts], axis=0)
+        return self._total("hessian_rate", q, q_dot)
+
+    def _total(self, name: str, *given: Array) -> Array:
+        total: Array = np.sum([getattr(part, name)(*given) for part in self._parts], axis=0)
         return total
 
-    def entry(
-        self, q: Array, q_dot: Array, gradient: Array, hessian: Array, hessian_rate: Array
-    ) -> Callable[[], None]:
+    def entry(self, q: Array, q_dot: Array, *into: Array) -> Callable[[], None]:
         """See :class:`Criterion`."""
-        sums, n = (gradient, hessian, hessian_rate), len(q)
-        own = [[np.empty(n), np.empty((n, n)), np.empty((n, n))] for _ in self._parts]
+        own = [[np.empty_like(array) for array in into] for _ in self._parts]
         parts = [
             criterion_entry(part, q, q_dot, *arrays)
             for part, arrays in zip(self._parts, own, strict=True)
         ]
-        of_each = list(zip(sums, *own, strict=True))
+        of_each = list(zip(into, *own, strict=True))
 
         def evaluate() -> None:
             for part in parts:

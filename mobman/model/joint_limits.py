@@ -11,6 +11,7 @@ from mobman.model.criterion import Criterion, Term, criteria
 from mobman.model.mobile_manipulator import MobileManipulator
 
 
+@criteria.register("joint-limits")
 class JointLimitAvoidance(Term):
     r"""Avoidance of the arm's joint limits,
     :math:`F = \sum_i \tfrac{w}{12}\,d_i^4/b_i^2`.
@@ -94,6 +95,3 @@ class _Avoidance:
         rate = q_dot[self._index] * self._depth(q) / self._width**2
         diagonal[self._index] = 2.0 * self._weight * rate
         return np.diag(diagonal)
-
-
-criteria.register("joint-limits", JointLimitAvoidance)

@@ -13,6 +13,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 _RANK = 1e-12  # det(J J^T) over that of a matrix of equal singular values
 
 
+@criteria.register("manipulability")
 class Manipulability(Term):
     r"""Distance from singularities of the arm, :math:`F = -w\ln\sqrt{\det(J_a J_a^T)}`.
 
@@ -96,6 +97,3 @@ class _Arm(ByComplexStep):
             np.einsum("jkc,kic->ij", dP, K) + np.einsum("kc,kijc->ij", P, second)
         )
         return gradient, hessian
-
-
-criteria.register("manipulability", Manipulability)

@@ -148,14 +148,10 @@ class MobileManipulator(Displayed):
         followers: Sequence[Follower] = (),
         motors: Platform | None = None,
     ) -> None:
-        self.name = spec.name
-        self.spec = spec
-        self.urdf = urdf
-        self.model = model
-        self.platform = platform
+        self.name, self.spec, self.urdf = spec.name, spec, urdf
+        self.model, self.platform = model, platform
         self.motors = platform if motors is None else motors
-        self.tip = spec.arm.tip
-        self.q_rest = q_rest
+        self.tip, self.q_rest = spec.arm.tip, q_rest
         self.criterion_weights = criterion_weights
         self.criterion_couplings = criterion_couplings
         self.followers = tuple(followers)
@@ -165,11 +161,10 @@ class MobileManipulator(Displayed):
             raise ModelError(f"robot {self.name!r}: no frame {self.tip!r}")
         index = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i}
         self.joint_names = sorted(index, key=index.__getitem__)
-        self.platform_index = np.array(
-            [index[name] for name in platform.coordinates], dtype=np.int64
-        )
+        x = [index[name] for name in platform.coordinates]
+        self.platform_index = np.array(x, dtype=np.int64)
         driven = {index[one.joint]: (index[one.of], one.ratio) for one in self.followers}
-        every = [i for i in range(model.nq) if i not in set(self.platform_index)]
+        every = [i for i in range(model.nq) if i not in x]
         own = [i for i in every if i not in driven]
         self.arm_index = np.array(own, dtype=np.int64)
         of = [driven.get(i, (i, 1.0)) for i in every]
@@ -181,13 +176,8 @@ class MobileManipulator(Displayed):
         self.following_rows = np.zeros((len(driven), model.nq))
         for row, (i, (motor, ratio)) in zip(self.following_rows, driven.items(), strict=True):
             row[i], row[motor] = 1.0, -ratio
-        self.velocity_names = [
-            *platform.velocity_names,
-            *(self.joint_names[i] for i in self.arm_index),
-        ]
-        self.nq = int(model.nq)
-        self.n = len(self.arm_index)
-        self.n_alpha = len(platform.velocity_names)
+        self.velocity_names = [*platform.velocity_names, *(self.joint_names[i] for i in own)]
+        self.nq, self.n, self.n_alpha = int(model.nq), len(own), len(platform.velocity_names)
         self.nz = self.n_alpha + self.n
         self.k = self.nq - self.nz
         tip = model.frames[self.tip_frame]

@@ -15,6 +15,7 @@ from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import TipKinematics
 
 Z_AXIS = (0.0, 0.0, 1.0)
+Three = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class TaskMap:
     """
 
     rows: tuple[int, ...] = (0, 1, 2)
-    axis: tuple[float, float, float] | None = None
+    axis: Three | None = None
 
     @property
     def m(self) -> int:
@@ -119,9 +120,7 @@ class TaskMap:
         return axes
 
 
-def task_map_for(
-    width: int, rates: int | None = None, axis: tuple[float, float, float] | None = None
-) -> TaskMap:
+def task_map_for(width: int, rates: int | None = None, axis: Three | None = None) -> TaskMap:
     """The map for a desired trajectory, by the number of its components.
 
     Args:
@@ -149,27 +148,17 @@ def task_map_for(
 
 @kernel
 def add_task_hessian(jacobian: Matrix, multiplier: Vector, m: int, hessian: Matrix) -> None:
-    r"""Add d(J_f^T lam)/dq at fixed lam, shape (nq, nq), for a task of m tip coordinates.
+    """Add d(J_f^T lam)/dq at fixed lam, shape (nq, nq), for a task of m = 3 or 2 tip coordinates.
 
-    Moving joint i turns everything behind it by w_i, so :math:`\partial v_j/\partial q_i = w_i \times
-    v_j` for i before j along the chain, and the Hessian is symmetric.
-
-    Args:
-        jacobian: Of the tip, columns (v, w), shape (6, nq).
-        multiplier: lam, at least m entries.
-        m: 3 or 2.
-        hessian: Shape (nq, nq).
+    ``jacobian`` is that of the tip, with columns (v, w), shape (6, nq).
     """
-    a, b = multiplier[0], multiplier[1]
-    c = multiplier[2] if m > 2 else 0.0
+    l = (multiplier[0], multiplier[1], multiplier[2] if m > 2 else 0.0)
     for i in range(jacobian.shape[1]):
-        w0, w1, w2 = jacobian[3, i], jacobian[4, i], jacobian[5, i]
-        # lam . (w x v) = v . (lam x w)
-        u0, u1, u2 = b * w2 - c * w1, c * w0 - a * w2, a * w1 - b * w0
-        if u0 == 0.0 and u1 == 0.0 and u2 == 0.0:
+        u = _crossed(l, _turning(jacobian, i))  # lam . (w x v) = v . (lam x w)
+        if u[0] == 0.0 and u[1] == 0.0 and u[2] == 0.0:
             continue
         for j in range(i, jacobian.shape[1]):
-            entry = jacobian[0, j] * u0 + jacobian[1, j] * u1 + jacobian[2, j] * u2
+            entry = jacobian[0, j] * u[0] + jacobian[1, j] * u[1] + jacobian[2, j] * u[2]
             hessian[i, j] += entry
             if j > i:
                 hessian[j, i] += entry
@@ -180,22 +169,12 @@ def add_task_hessian_rate(
     jacobian: Matrix, rate: Matrix, multiplier: Vector, m: int, hessian_rate: Matrix
 ) -> None:
     """Add the rate of :func:`add_task_hessian` along q' at fixed lam; ``rate`` is the Jacobian's."""
-    a, b = multiplier[0], multiplier[1]
-    c = multiplier[2] if m > 2 else 0.0
+    l = (multiplier[0], multiplier[1], multiplier[2] if m > 2 else 0.0)
     for i in range(jacobian.shape[1]):
-        w0, w1, w2 = jacobian[3, i], jacobian[4, i], jacobian[5, i]
-        r0, r1, r2 = rate[3, i], rate[4, i], rate[5, i]
-        u0, u1, u2 = b * w2 - c * w1, c * w0 - a * w2, a * w1 - b * w0
-        d0, d1, d2 = b * r2 - c * r1, c * r0 - a * r2, a * r1 - b * r0
+        u, d = _crossed(l, _turning(jacobian, i)), _crossed(l, _turning(rate, i))
         for j in range(i, jacobian.shape[1]):
-            entry = (
-                rate[0, j] * u0
-                + rate[1, j] * u1
-                + rate[2, j] * u2
-                + jacobian[0, j] * d0
-                + jacobian[1, j] * d1
-                + jacobian[2, j] * d2
-            )
+            entry = rate[0, j] * u[0] + rate[1, j] * u[1] + rate[2, j] * u[2]
+            entry = entry + jacobian[0, j] * d[0] + jacobian[1, j] * d[1] + jacobian[2, j] * d[2]
             hessian_rate[i, j] += entry
             if j > i:
                 hessian_rate[j, i] += entry
@@ -212,18 +191,8 @@ def rows_in_tip_axes(
     rows: Matrix,
     rows_rate: Matrix,
 ) -> None:
-    """J_f and its rate for a pointing task: position, and angular velocity along two axes of the tip.
-
-    Args:
-        tip_axes: In the tip frame, shape (2, 3).
-        rotation: Of the tip frame, shape (3, 3).
-        jacobian: Of the tip, shape (6, nq).
-        rate: Its rate, shape (6, nq).
-        q_dot: Shape (nq,).
-        axes: For the two axes u in the world and their rates omega x u, shape (4, 3).
-        rows: For J_f, shape (5, nq).
-        rows_rate: For its rate, shape (5, nq).
-    """
+    """J_f and its rate, shape (5, nq), of a pointing task: position, and angular velocity along two axes
+    of the tip; ``tip_axes`` in its frame, ``axes`` for them in the world and their rates omega x u."""
     a, b, c = dot(jacobian[3], q_dot), dot(jacobian[4], q_dot), dot(jacobian[5], q_dot)
     for i in range(2):
         for k in range(3):
@@ -261,8 +230,7 @@ def add_turning_hessian(
     """
     l = _in_world(multiplier, axes, 0)
     for i in range(jacobian.shape[1]):
-        w = (jacobian[3, i], jacobian[4, i], jacobian[5, i])
-        u = _crossed(l, w)
+        u = _crossed(l, _turning(jacobian, i))
         for j in range(i + 1, jacobian.shape[1]):
             # l . (w_i x w_j) = w_j . (l x w_i)
             entry = jacobian[3, j] * u[0] + jacobian[4, j] * u[1] + jacobian[5, j] * u[2]
@@ -280,9 +248,8 @@ def add_turning_hessian_rate(
     and ``axes`` have their rates in the last two rows."""
     l, l_rate = _in_world(multiplier, axes, 0), _in_world(multiplier, axes, 2)
     for i in range(jacobian.shape[1]):
-        w = (jacobian[3, i], jacobian[4, i], jacobian[5, i])
-        u = _crossed(l, w)
-        d = _crossed(l, (rate[3, i], rate[4, i], rate[5, i]))
+        w = _turning(jacobian, i)
+        u, d = _crossed(l, w), _crossed(l, _turning(rate, i))
         if multiplier.shape[0] == 2:  # world axes do not turn
             more = _crossed(l_rate, w)
             d = (d[0] + more[0], d[1] + more[1], d[2] + more[2])
@@ -296,7 +263,12 @@ def add_turning_hessian_rate(
 
 
 @kernel
-def _in_world(multiplier: Vector, axes: Matrix, first: int) -> tuple[float, float, float]:
+def _turning(jacobian: Matrix, i: int) -> Three:
+    return (jacobian[3, i], jacobian[4, i], jacobian[5, i])
+
+
+@kernel
+def _in_world(multiplier: Vector, axes: Matrix, first: int) -> Three:
     if multiplier.shape[0] == 3:
         return (multiplier[0], multiplier[1], multiplier[2])
     one, two, a, b = multiplier[0], multiplier[1], axes[first], axes[first + 1]
@@ -304,7 +276,5 @@ def _in_world(multiplier: Vector, axes: Matrix, first: int) -> tuple[float, floa
 
 
 @kernel
-def _crossed(
-    a: tuple[float, float, float], b: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def _crossed(a: Three, b: Three) -> Three:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from numbers import Real
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -79,17 +79,13 @@ class Harmonics(KernelPath):
     @property
     def period(self) -> float:
         """Duration of a lap (s)."""
-        moving = [
-            k
-            for k, pair in enumerate(zip(self.cosines, self.sines, strict=True), start=1)
-            if np.any(pair)
-        ]
+        pairs = zip(self.cosines, self.sines, strict=True)
+        moving = [k for k, pair in enumerate(pairs, start=1) if np.any(pair)]
         return 2.0 * math.pi / (abs(self.rate) * max(1, math.gcd(*moving)))
 
     def _kernel(self) -> tuple[Any, ...]:
-        centre, cosines, sines = (
-            np.array(part, dtype=float) for part in (self.centre, self.cosines, self.sines)
-        )
+        given = (self.centre, self.cosines, self.sines)
+        centre, cosines, sines = (np.array(part, dtype=float) for part in given)
         return _harmonics, centre, float(self.rate), cosines, sines
 
 
@@ -236,42 +232,25 @@ SHARE_OF_RADIUS = 0.2
 _POINTS = 256  # of a path, to find how far it goes
 
 
-@dataclass(frozen=True)
-class StartPlace:
-    """The tip and the arm at a task's start, which its path is placed by.
-
-    Attributes:
-        tip: World coordinates (m), shape (3,).
-        arm: From the arm's first joint to the tip (m), shape (3,).
-        heading: Of the platform (rad); on a fixed base, that of the arm.
-        drives: Whether there is a platform that moves.
-    """
+class StartPlace(NamedTuple):
+    """The tip and the arm at a task's start, which its path is placed by."""
 
     tip: Array
+    """World coordinates (m), shape (3,)."""
     arm: Array
+    """From the arm's first joint to the tip (m), shape (3,)."""
     heading: float
+    """Of the platform (rad); on a fixed base, that of the arm."""
     drives: bool
-
-    @property
-    def axes(self) -> Array:
-        """Unit vectors along the heading, to its left and up, shape (3, 3)."""
-        c, s = math.cos(self.heading), math.sin(self.heading)
-        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-
-    @property
-    def reach(self) -> float:
-        """The tip's distance from the arm's first joint (m)."""
-        return float(np.linalg.norm(self.arm))
-
-    @property
-    def size(self) -> float:
-        """Half the length of a path that suits the robot (m)."""
-        return SIZE if self.drives else SHARE_OF_REACH * self.reach
-
-    @property
-    def rise(self) -> float:
-        """Half the height of a path that suits the arm (m)."""
-        return SHARE_OF_REACH * self.reach
+    """Whether there is a platform that moves."""
+    axes: Array
+    """Unit vectors along the heading, to its left and up, shape (3, 3)."""
+    reach: float
+    """The tip's distance from the arm's first joint (m)."""
+    size: float
+    """Half the length of a path that suits the robot (m)."""
+    rise: float
+    """Half the height of a path that suits the arm (m)."""
 
 
 def place_of(robot: MobileManipulator, q0: Array) -> StartPlace:
@@ -279,15 +258,23 @@ def place_of(robot: MobileManipulator, q0: Array) -> StartPlace:
     tip = np.array(robot.tip_pose(q0).translation)
     arm, drives = tip - robot.arm_origin(q0), "base_x" in robot.joint_names
     heading = q0[robot.joint_names.index("base_theta")] if drives else math.atan2(arm[1], arm[0])
-    return StartPlace(tip, arm, float(heading), drives)
+    reach = float(np.linalg.norm(arm))
+    rise = SHARE_OF_REACH * reach
+    size = SIZE if drives else rise
+    return StartPlace(tip, arm, float(heading), drives, _axes(heading), reach, size, rise)
+
+
+def _axes(angle: float) -> Array:
+    """The axes of a frame turned about the vertical, as rows."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+Vectors = Sequence[Sequence[float]]
 
 
 def placed(
-    name: str,
-    place: StartPlace,
-    rate: float,
-    cosines: Sequence[Sequence[float]],
-    sines: Sequence[Sequence[float]],
+    name: str, place: StartPlace, rate: float, cosines: Vectors, sines: Vectors
 ) -> Harmonics:
     """A closed path near the tip.
 
@@ -306,9 +293,7 @@ def placed(
     if place.drives:
         start = local[0].sum(axis=0)
         first = rate * harmonics @ local[1]
-        turn = -math.atan2(first[1], first[0])
-        c, s = math.cos(turn), math.sin(turn)
-        axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ axes
+        axes = _axes(-math.atan2(first[1], first[0])) @ axes
         centre = place.tip + GAP * ahead - start @ axes
     else:
         angles = np.outer(np.linspace(0.0, 2.0 * math.pi, _POINTS, endpoint=False), harmonics)

@@ -119,8 +119,7 @@ def algorithmic_singularity(
         float, parameter("m", "how far beyond the singularity; negative: short of it")
     ] = 0.05,
     farthest: Annotated[
-        float | None,
-        parameter("m", "how far to look for one; 6 times the tip's distance", gt=0),
+        float | None, parameter("m", "how far to look for one; 6 times the tip's distance", gt=0)
     ] = None,
     travel: Travel = TRAVEL,
     pause: Pause = PAUSE,
@@ -151,15 +150,9 @@ def algorithmic_singularity(
     reach = _REACHES * scale if farthest is None else farthest
     held = robot.copy()
     held.criterion_weights[:] = AlgorithmicPath.criterion_weights(robot)
+    ways, turns = [*directions, up, -up], [lateral, -lateral, up, -up]
     try:
-        found = nearest_degeneracy(
-            held,
-            q0,
-            directions=[*directions, up, -up],
-            turns=[lateral, -lateral, up, -up],
-            farthest=reach,
-            scale=scale,
-        )
+        found = nearest_degeneracy(held, q0, ways, turns, reach, scale)
     except (SingularityError, np.linalg.LinAlgError) as error:
         raise UsageError(f"{who} cannot start there: {error}") from error
     if found is None:
@@ -176,9 +169,8 @@ def algorithmic_singularity(
             f"{who}: depth = {depth:g} m leaves nothing of the last {length:.3g} m of the way"
         )
     end = last + (round(length, _COARSE) + depth) * way / length
-    value = round(found.singular_value, _COARSE)
-    points, times = excursion([*corners, last, end], travel, pause)
-    return AlgorithmicPath(points, times, True, name, depth, value)
+    there = excursion([*corners, last, end], travel, pause)
+    return AlgorithmicPath(*there, True, name, depth, round(found.singular_value, _COARSE))
 
 
 def least_singular_value(jacobian: Array) -> float:
@@ -212,7 +204,7 @@ def stretched(
         direction: In the world, shape (3,), of length 1.
         within_limits: Whether the joints that turn have their limits, too.
     """
-    climb = _Climb(robot, q, direction, within_limits=within_limits)
+    climb = _Climb(robot, q, direction, within_limits)
     random = np.random.default_rng(0)
     best = climb.swept(q)
     for _ in range(_STARTS):
@@ -226,7 +218,7 @@ class _Climb:
     """The tip's height along a direction, as a function of the arm's joints."""
 
     def __init__(
-        self, robot: MobileManipulator, q: Array, direction: Array, *, within_limits: bool
+        self, robot: MobileManipulator, q: Array, direction: Array, within_limits: bool
     ) -> None:
         self._robot, self._q, self._direction = robot, q, direction
         self._joints = [int(i) for i in robot.arm_index if robot.tip_chain[i] > 0.0]
@@ -247,7 +239,6 @@ class _Climb:
         return float(self._direction @ self._robot.tip_pose(q).translation)
 
     def at_random(self, random: np.random.Generator) -> Array:
-        """Random posture of the arm."""
         q = self._q.copy()
         for i in self._joints:
             low, high = max(self._lower[i], -math.pi), min(self._upper[i], math.pi)
@@ -302,20 +293,16 @@ class _Climb:
         if i in self._slides:
             return float(q[i] if abs(slope) < _SMALL else upper if slope > 0.0 else lower)
         # on its circle, the height is bend cos(angle) + slope sin(angle) and a constant
-        (wx, wy, wz), (vx, vy, vz) = column[3:], column[:3]
-        turned = (wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx)
-        bend = -float(self._direction @ turned)
+        bend = -float(self._direction @ np.cross(column[3:], column[:3]))
         if math.hypot(slope, bend) < _SMALL:
             return float(q[i])
         best = float(q[i]) + math.atan2(slope, bend)
         for angle in (best, best - 2.0 * math.pi, best + 2.0 * math.pi):
             if lower <= angle <= upper:
                 return angle
-
-        def height(angle: float) -> float:
-            return bend * math.cos(angle - q[i]) + slope * math.sin(angle - q[i])
-
-        return float(max(lower, upper, key=height))
+        ends = np.array([lower, upper])
+        heights = bend * np.cos(ends - q[i]) + slope * np.sin(ends - q[i])
+        return float(ends[heights.argmax()])
 
     def _best_of_many(self, i: int, q: Array) -> float:
         """The same for a joint that others follow by turning: the height is no plain sine then."""
@@ -367,9 +354,6 @@ def nearest_degeneracy(
         farthest: How far to look (m).
         scale: The tip's distance from the arm's first joint (m).
 
-    Returns:
-        None if there is none.
-
     Raises:
         SingularityError: If J has no full rank at q0.
     """
@@ -402,12 +386,7 @@ def nearest_degeneracy(
 class SolutionLine:
     """Solution of the extended task, f_e on a line and f_a = 0, from a configuration on.
 
-    Args:
-        extended: J of the robot; all lines use the same.
-        robot: The robot.
-        q: The configuration.
-        direction: Direction of the line.
-        scale: The unit of lengths (m).
+    All lines use the same ``extended``, J of the robot; ``scale`` is the unit of lengths (m).
 
     Attributes:
         q: The configuration at the line's end so far, shape (nq,).

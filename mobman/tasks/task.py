@@ -9,9 +9,8 @@ import sys
 import typing
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, ValidationError, validate_call
@@ -87,10 +86,7 @@ def list_tasks() -> list[str]:
 
 
 def make_task(
-    name: str,
-    robot: MobileManipulator | str,
-    q0: Array | None = None,
-    **parameters: Any,
+    name: str, robot: MobileManipulator | str, q0: Array | None = None, **parameters: Any
 ) -> Task:
     """A task by name.
 
@@ -121,8 +117,7 @@ def make_task(
 # Parameters ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Parameter:
+class Parameter(NamedTuple):
     """A parameter that a task takes."""
 
     name: str
@@ -171,13 +166,14 @@ def parameters_of(name: str) -> list[Parameter]:
     """
     found = []
     for item in _taken(tasks.get(name)):
-        if item.kind is not item.VAR_KEYWORD:
-            declared = FieldInfo.from_annotation(item.annotation)
-            extra: Any = declared.json_schema_extra or {}
-            required = item.default is item.empty
-            default = None if required else item.default
-            texts = str(extra.get("unit", "")), declared.description or ""
-            found.append(Parameter(item.name, item.annotation, default, required, *texts))
+        if item.kind is item.VAR_KEYWORD:
+            continue
+        declared = FieldInfo.from_annotation(item.annotation)
+        extra: Any = declared.json_schema_extra or {}
+        required = item.default is item.empty
+        texts = str(extra.get("unit", "")), declared.description or ""
+        default = None if required else item.default
+        found.append(Parameter(item.name, item.annotation, default, required, *texts))
     return found
 
 

@@ -136,10 +136,14 @@ class Spline(KernelPath):
             raise self._uneven(f", by {error:.3g}")
 
     def _kernel(self) -> tuple[Any, ...]:
-        start, end = self.span
-        knots, pieces = self._pieces
         work = np.zeros((4, self.width))
-        return _spline, start, end - start, int(self.travel > 0.0), knots, pieces, work
+        return (
+            _spline,
+            np.array(self.span, dtype=float),
+            int(self.travel > 0.0),
+            *self._pieces,
+            work,
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -163,8 +167,8 @@ class PoseSpline(Spline):
                     "(put a point in between)"
                 )
         knots, pieces = self._pieces
+        powers = np.arange(pieces.shape[1])[::-1]
         for share in np.arange(_SAMPLES) / _SAMPLES:
-            powers = np.arange(pieces.shape[1])[::-1]
             now = np.einsum("npj,np->nj", pieces, (share * np.diff(knots)[:, None]) ** powers)
             short = np.linalg.norm(now[:, 3:], axis=1)
             if short.min() < _SHORTEST:
@@ -178,15 +182,9 @@ class PoseSpline(Spline):
 
 @kernel
 def _spline(
-    t: Vector,
-    start: float,
-    span: float,
-    along: int,
-    knots: Vector,
-    pieces: Tensor,
-    work: Matrix,
-    p_d: Matrix,
+    t: Vector, times: Vector, along: int, knots: Vector, pieces: Tensor, work: Matrix, p_d: Matrix
 ) -> None:
+    start, span = times[0], times[1] - times[0]
     last = knots.shape[0] - 1
     x = min(max((t[0] - start) / span, 0.0), 1.0)
     u, u_1, u_2, u_3 = x, 1.0 / span, 0.0, 0.0
@@ -348,21 +346,17 @@ def _feasible(robot: MobileManipulator, path: Spline) -> Spline:
     Raises:
         UsageError: If it is too fast.
     """
-    start, end = path.span
     knots = np.array(path.knots)
     if path.travel > 0.0:
-        knots = np.linspace(start, end, max(64, len(knots)))
+        knots = np.linspace(*path.span, max(64, len(knots)))
     shares = np.arange(1, _SAMPLES + 1) / _SAMPLES
     times = (knots[:-1, None] + np.diff(knots)[:, None] * shares).ravel()
     rates = np.array([path.desired(t)[1] for t in times.tolist()])
     rates = np.nan_to_num(rates, nan=np.inf)
-    for what, unit, columns, limit, sense in zip(
-        ("move", "turn"),
-        ("m/s", "rad/s"),
-        (rates[:, :3], rates[:, 3:]),
-        _fastest(robot),
-        (MOST_SPEED, MOST_TURNING),
-        strict=True,
+    fastest = _fastest(robot)
+    for what, unit, columns, limit, sense in (
+        ("move", "m/s", rates[:, :3], fastest[0], MOST_SPEED),
+        ("turn", "rad/s", rates[:, 3:], fastest[1], MOST_TURNING),
     ):
         speeds = np.linalg.norm(columns, axis=1)
         most = min(limit, sense)

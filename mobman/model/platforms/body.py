@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import Field, PositiveFloat
@@ -16,6 +15,7 @@ from mobman.errors import SpecError
 from mobman.toml_model import Strict
 
 BASE_LINK, DECK = "platform", "deck"
+_ORIGIN = (0.0, 0.0, 0.0)
 _GREY, _DARK = "0.55 0.58 0.62 1", "0.15 0.15 0.16 1"
 
 
@@ -54,46 +54,38 @@ B = TypeVar("B", bound=Body)
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class WheelPart:
-    """A wheel to be put into the URDF.
-
-    Attributes:
-        joint: Name of its joint; its link is called ``<joint>_link``.
-        xyz: Its centre in the parent's frame (m).
-        radius: m.
-        yaw: Direction of its axis, about z from the parent's y axis (rad).
-        parent: Link that carries it.
-    """
+class WheelPart(NamedTuple):
+    """A wheel to be put into the URDF."""
 
     joint: str
+    """Name of its joint; its link is called ``<joint>_link``."""
     xyz: tuple[float, float, float]
+    """Its centre in the parent's frame (m)."""
     radius: float
+    """m."""
     yaw: float = 0.0
+    """Direction of its axis, about z from the parent's y axis (rad)."""
     parent: str = BASE_LINK
+    """Link that carries it."""
 
 
-@dataclass(frozen=True)
-class Knuckle:
-    """A steering joint about the vertical.
-
-    Attributes:
-        joint: Name of its joint; its link is called ``<joint>_link``.
-        xyz: Its position from ``platform`` (m).
-        limit: Largest angle (rad); infinite: it turns without end.
-        velocity: Largest rate (rad/s); 0: not known.
-        mass: kg.
-        radius: Of the wheel that it carries, for its size (m).
-        effort: Largest torque (N m); 0: not known.
-    """
+class Knuckle(NamedTuple):
+    """A steering joint about the vertical."""
 
     joint: str
+    """Name of its joint; its link is called ``<joint>_link``."""
     xyz: tuple[float, float, float]
+    """Its position from ``platform`` (m)."""
     limit: float
+    """Largest angle (rad); infinite: it turns without end."""
     velocity: float
+    """Largest rate (rad/s); 0: not known."""
     mass: float
+    """kg."""
     radius: float
+    """Of the wheel that it carries, for its size (m)."""
     effort: float = 0.0
+    """Largest torque (N m); 0: not known."""
 
 
 def required(origin: str, field: str, value: T | None, why: str = "") -> T:
@@ -125,22 +117,20 @@ def body_urdf(
     body: Body, wheels: Sequence[WheelPart] = (), knuckles: Sequence[Knuckle] = ()
 ) -> ET.Element:
     """The ``<robot>`` element of a box on wheels, with the links ``platform`` and ``deck``."""
-    robot = ET.Element("robot", name="platform")
     height = body.size[2]
     middle = (*body.centre, body.ground_clearance + 0.5 * height)
     com = middle if body.centre_of_mass is None else body.centre_of_mass
-    inertia = body.inertia or tuple(box_inertia(body.mass, body.size))
-    base = _link(robot, BASE_LINK, body.mass, inertia, com)
-    _shape(base, "box", {"size": _text(body.size)}, middle, (0.0, 0.0, 0.0), _GREY)
-    ET.SubElement(robot, "link", name=DECK)
+    inertia = body.inertia or box_inertia(body.mass, body.size)
+    box = _shape("box", {"size": _text(body.size)}, _GREY, middle)
     top = (*body.centre, body.ground_clearance + height)
-    _joint(robot, "deck_joint", "fixed", BASE_LINK, DECK, top, 0.0)
-    for knuckle in knuckles:
-        _add_knuckle(robot, knuckle)
-    for wheel in wheels:
-        if isinstance(body, WheeledBody):
-            _add_wheel(robot, body, wheel)
-    return robot
+    parts = [
+        _link(BASE_LINK, body.mass, inertia, box, com),
+        f'<link name="{DECK}"/>',
+        _joint("deck_joint", "fixed", BASE_LINK, DECK, top),
+        *map(_knuckle, knuckles),
+        *(_wheel(body, wheel) for wheel in wheels if isinstance(body, WheeledBody)),
+    ]
+    return ET.fromstring(f'<robot name="platform">{"".join(parts)}</robot>')
 
 
 def box_inertia(mass: float, size: tuple[float, float, float]) -> Array:
@@ -149,86 +139,76 @@ def box_inertia(mass: float, size: tuple[float, float, float]) -> Array:
     return mass / 12.0 * np.array([y + z, x + z, x + y])
 
 
-def _add_wheel(robot: ET.Element, body: WheeledBody, wheel: WheelPart) -> None:
+def _wheel(body: WheeledBody, wheel: WheelPart) -> str:
     name, m, w, r = f"{wheel.joint}_link", body.wheel_mass, body.wheel_width, wheel.radius
     across = m / 12.0 * (3.0 * r**2 + w**2)
-    link = _link(robot, name, m, (across, 0.5 * m * r**2, across), (0.0, 0.0, 0.0))
     cylinder = {"radius": repr(r), "length": repr(w)}
-    upright = (0.5 * math.pi, 0.0, 0.0)
-    _shape(link, "cylinder", cylinder, (0.0, 0.0, 0.0), upright, _DARK)
     # a spoke, so that the wheel can be seen to turn
     spoke = {"size": _text((1.6 * r, 1.02 * w, 0.2 * r))}
-    _shape(link, "box", spoke, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _GREY, visual_only=True)
-    joint = _joint(robot, wheel.joint, "continuous", wheel.parent, name, wheel.xyz, wheel.yaw)
-    ET.SubElement(joint, "axis", xyz="0 1 0")
-    limits = {"effort": repr(body.wheel_effort), "velocity": repr(body.wheel_velocity)}
-    ET.SubElement(joint, "limit", limits)
+    shapes = _shape("cylinder", cylinder, _DARK, rpy=(0.5 * math.pi, 0.0, 0.0))
+    shapes += _shape("box", spoke, _GREY, uses=("visual",))
+    motor = {"effort": body.wheel_effort, "velocity": body.wheel_velocity}
+    place = (wheel.parent, name, wheel.xyz, wheel.yaw)
+    return _link(name, m, (across, 0.5 * m * r**2, across), shapes) + _joint(
+        wheel.joint, "continuous", *place, axis="0 1 0", **motor
+    )
 
 
-def _add_knuckle(robot: ET.Element, knuckle: Knuckle) -> None:
+def _knuckle(knuckle: Knuckle) -> str:
     name = f"{knuckle.joint}_link"
     size = (0.4 * knuckle.radius, 0.4 * knuckle.radius, knuckle.radius)
-    inertia = tuple(box_inertia(knuckle.mass, size))
-    link = _link(robot, name, knuckle.mass, inertia, (0.0, 0.0, 0.0))
-    _shape(link, "box", {"size": _text(size)}, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _GREY)
+    box = _shape("box", {"size": _text(size)}, _GREY)
     endless = math.isinf(knuckle.limit)
+    bounds = {} if endless else {"lower": -knuckle.limit, "upper": knuckle.limit}
+    bounds |= {"effort": knuckle.effort, "velocity": knuckle.velocity}
     kind = "continuous" if endless else "revolute"
-    joint = _joint(robot, knuckle.joint, kind, BASE_LINK, name, knuckle.xyz, 0.0)
-    ET.SubElement(joint, "axis", xyz="0 0 1")
-    bounds = {} if endless else {"lower": repr(-knuckle.limit), "upper": repr(knuckle.limit)}
-    motor = {"effort": repr(knuckle.effort), "velocity": repr(knuckle.velocity)}
-    ET.SubElement(joint, "limit", {**bounds, **motor})
+    return _link(name, knuckle.mass, box_inertia(knuckle.mass, size), box) + _joint(
+        knuckle.joint, kind, BASE_LINK, name, knuckle.xyz, axis="0 0 1", **bounds
+    )
 
 
 def _link(
-    robot: ET.Element,
-    name: str,
-    mass: float,
-    inertia: Sequence[float],
-    com: Sequence[float],
-) -> ET.Element:
-    link = ET.SubElement(robot, "link", name=name)
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(com), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=repr(float(mass)))
-    moments = dict(zip(("ixx", "iyy", "izz"), (repr(float(i)) for i in inertia), strict=True))
-    ET.SubElement(inertial, "inertia", {**moments, "ixy": "0", "ixz": "0", "iyz": "0"})
-    return link
+    name: str, mass: float, inertia: Iterable[float], shapes: str, com: Sequence[float] = _ORIGIN
+) -> str:
+    ixx, iyy, izz = (repr(float(moment)) for moment in inertia)
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{_text(com)}" rpy="0 0 0"/>'
+        f'<mass value="{float(mass)!r}"/><inertia ixx="{ixx}" iyy="{iyy}" izz="{izz}" ixy="0" '
+        f'ixz="0" iyz="0"/></inertial>{shapes}</link>'
+    )
 
 
 def _shape(
-    link: ET.Element,
     kind: str,
     size: dict[str, str],
-    xyz: Sequence[float],
-    rpy: Sequence[float],
     colour: str,
-    visual_only: bool = False,
-) -> None:
-    for use in ("visual",) if visual_only else ("visual", "collision"):
-        element = ET.SubElement(link, use)
-        ET.SubElement(element, "origin", xyz=_text(xyz), rpy=_text(rpy))
-        ET.SubElement(ET.SubElement(element, "geometry"), kind, size)
-        if use == "visual":
-            # one name a colour: materials of one name are one material
-            material = ET.SubElement(element, "material", name=f"platform_{colour.split()[0]}")
-            ET.SubElement(material, "color", rgba=colour)
+    xyz: Sequence[float] = _ORIGIN,
+    rpy: Sequence[float] = _ORIGIN,
+    uses: Sequence[str] = ("visual", "collision"),
+) -> str:
+    shape = " ".join([kind, *(f'{key}="{value}"' for key, value in size.items())])
+    place = f'<origin xyz="{_text(xyz)}" rpy="{_text(rpy)}"/><geometry><{shape}/></geometry>'
+    # one name a colour: materials of one name are one material
+    paint = f'<material name="platform_{colour.split()[0]}"><color rgba="{colour}"/></material>'
+    return "".join(f"<{use}>{place}{paint if use == 'visual' else ''}</{use}>" for use in uses)
 
 
 def _joint(
-    robot: ET.Element,
     name: str,
     kind: str,
     parent: str,
     child: str,
     xyz: Sequence[float],
-    yaw: float,
-) -> ET.Element:
-    joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_text(xyz), rpy=_text((0.0, 0.0, yaw)))
-    return joint
+    yaw: float = 0.0,
+    axis: str = "",
+    **limit: float,
+) -> str:
+    bounds = "".join(f' {key}="{value!r}"' for key, value in limit.items())
+    moves = f'<axis xyz="{axis}"/><limit{bounds}/>' if axis else ""
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{_text(xyz)}" rpy="{_text((0.0, 0.0, yaw))}"/>{moves}</joint>'
+    )
 
 
 def _text(values: Sequence[float]) -> str:

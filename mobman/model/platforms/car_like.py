@@ -27,6 +27,7 @@ from mobman.model.platforms.platform import (
     Platform,
     Site,
     Wheel,
+    WheeledFields,
     platforms,
 )
 from mobman.model.platforms.wheels import (
@@ -39,7 +40,7 @@ from mobman.model.platforms.wheels import (
     wheel_place,
 )
 from mobman.robots.urdf.compose import BASE_JOINTS
-from mobman.toml_model import Strict, validate
+from mobman.toml_model import validate
 
 _RIGHT, _LEFT = "wheel_rear_right", "wheel_rear_left"  # of a platform described by its numbers
 _STEERING = ("steering_right", "steering_left")
@@ -57,7 +58,7 @@ class CarBody(WheeledBody):
     """Mass of one knuckle (kg)."""
 
 
-class CarLikeParameters(Strict):
+class CarLikeParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "car-like"``."""
 
     rear_right_wheel: str | None = None
@@ -68,19 +69,16 @@ class CarLikeParameters(Strict):
     """URDF joint of the steering, or those of two knuckles, which turn by the same angle."""
     front_wheels: list[str] = []
     """URDF joints of the wheels that are steered, the right one first, if they are to roll."""
-    wheel_radius: float = Field(gt=0)
-    """R (m)."""
     half_track: float | None = Field(None, gt=0)
     """W (m); by default half the distance of the rear wheels in the URDF."""
     wheelbase: float | None = Field(None, gt=0)
     """L (m); by default the distance of the steering joints from the rear axle in the URDF."""
-    heading: float = 0.0
-    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: CarBody | None = None
     """The platform by its numbers instead of by a URDF; ``half_track`` and ``wheelbase`` are required
     then, and ``platform`` is under the middle of the rear axle."""
 
 
+@platforms.register("car-like")
 class CarLike(Platform):
     r"""A car with a differential on its rear axle; one front wheel in the middle stands for two.
 
@@ -140,7 +138,6 @@ class CarLike(Platform):
 
     @classmethod
     def build(cls, site: Site) -> CarLike:
-        """See :meth:`Platform.build`."""
         given = _parameters(site.parameters, site.origin)
         named = Named(site, given)
         right, left = named.pair("rear_right_wheel", "rear_left_wheel", _RIGHT, _LEFT)
@@ -325,6 +322,3 @@ def _parameters(parameters: dict[str, Any], origin: str) -> CarLikeParameters:
                 f"{' or '.join(map(str, allowed[1:]))}"
             )
     return given
-
-
-platforms.register("car-like", CarLike)

@@ -77,6 +77,7 @@ class PlatformDefinition(Protocol):
         ...
 
 
+@platforms.register("custom")
 class Custom(Platform):
     """A platform defined by the user's A(x) and N(x).
 
@@ -120,7 +121,6 @@ class Custom(Platform):
 
     @classmethod
     def build(cls, site: Site) -> Custom:
-        """See :meth:`Platform.build`."""
         given = site.read(CustomParameters)
         where = f"{site.origin}: field 'platform.definition' is {given.definition!r}"
         if _no_code.get():
@@ -260,24 +260,24 @@ def _along(function: Callable[[Array], Array], x: Array, direction: Array) -> Ar
 
 def _mixed(function: Callable[[Array], Array], x: Array, first: Array, second: Array) -> Array:
     """Second derivative of a smooth function at x along one direction, then another."""
-    here = np.asarray(function(x.copy()), dtype=float)
     size = float(np.linalg.norm(second))
     if size == 0.0:
-        return np.zeros_like(here)
-
-    def twice(direction: Array) -> Array:
-        """Second derivative along a direction."""
-        step = _SECOND_STEP * direction
-        ends = [(function(x + k * step), function(x - k * step)) for k in range(1, 5)]
-        parts = [
-            weight * (np.asarray(ahead) + np.asarray(behind) - 2 * here)
-            for weight, (ahead, behind) in zip(_SECOND_WEIGHTS, ends, strict=True)
-        ]
-        result: Array = np.sum(parts, axis=0) / _SECOND_STEP**2
-        return result
-
+        return np.zeros_like(np.asarray(function(x.copy()), dtype=float))
     unit = second / size
-    return 0.25 * size * (twice(first + unit) - twice(first - unit))
+    return 0.25 * size * (_twice(function, x, first + unit) - _twice(function, x, first - unit))
+
+
+def _twice(function: Callable[[Array], Array], x: Array, direction: Array) -> Array:
+    """Second derivative of a smooth function at x along a direction."""
+    here = np.asarray(function(x.copy()), dtype=float)
+    step = _SECOND_STEP * direction
+    parts = [
+        weight
+        * (np.asarray(function(x + k * step)) + np.asarray(function(x - k * step)) - 2 * here)
+        for k, weight in enumerate(_SECOND_WEIGHTS, start=1)
+    ]
+    result: Array = np.sum(parts, axis=0) / _SECOND_STEP**2
+    return result
 
 
 def load_code(definition: str, folder: Path, where: str) -> Any:
@@ -324,6 +324,3 @@ def _import_file(path: Path) -> ModuleType:
         del sys.modules[name]
         raise
     return module
-
-
-platforms.register("custom", Custom)

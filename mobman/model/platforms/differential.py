@@ -9,30 +9,22 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from mobman.model.platforms.body import (
-    WheeledBody,
-    WheelPart,
-    body_urdf,
-    required,
-    required_body,
-)
+from mobman.model.platforms.body import WheeledBody, WheelPart, body_urdf, required, required_body
 from mobman.model.platforms.body_frame import BodyFramePlatform
-from mobman.model.platforms.platform import Gear, Site, Wheel, platforms
+from mobman.model.platforms.platform import Gear, Site, Wheel, WheeledFields, platforms
 from mobman.model.platforms.wheels import Named, sides
-from mobman.toml_model import Strict, validate
+from mobman.toml_model import validate
 
 _RIGHT, _LEFT = "wheel_right", "wheel_left"  # of a platform described by its numbers
 
 
-class DifferentialParameters(Strict):
+class DifferentialParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "differential"``."""
 
     right_wheel: str | None = None
     """URDF joint of the driven wheel on the right (phi_1)."""
     left_wheel: str | None = None
     """URDF joint of the driven wheel on the left (phi_2)."""
-    wheel_radius: float = Field(gt=0)
-    """R (m)."""
     half_track: float | None = Field(None, gt=0)
     """W (m); by default half the distance between the wheels in the URDF."""
     alpha: Literal["wheel-rates", "paper"] = "wheel-rates"
@@ -40,8 +32,6 @@ class DifferentialParameters(Strict):
     reference_offset: float = 0.0
     """a (m): the reference point (x1, x2) lies so far ahead of the axle, as in (6) and (7); 0 is the
     point on the axle of (2) and (5), the arm's mount is the other usual choice."""
-    heading: float = 0.0
-    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: WheeledBody | None = None
     """The platform by its numbers instead of by a URDF; ``half_track`` is required then."""
 
@@ -97,6 +87,7 @@ class TwoSided(BodyFramePlatform):
         super().__init__(joints, ("alpha_1", "alpha_2"), A_b, N_b, B_b, wheels=wheels, **place)
 
 
+@platforms.register("differential")
 class Differential(TwoSided):
     r"""Two driven wheels on one axle that neither slip nor skid, :math:`l = 5`, :math:`k = 3`.
 
@@ -149,6 +140,3 @@ class Differential(TwoSided):
         R, W = given.wheel_radius, required(origin, "half_track", given.half_track)
         wheels = [WheelPart(name, (0.0, y, R), R) for name, y in ((_RIGHT, -W), (_LEFT, W))]
         return body_urdf(body, wheels)
-
-
-platforms.register("differential", Differential)

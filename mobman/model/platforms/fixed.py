@@ -21,6 +21,7 @@ class FixedParameters(Strict):
     """A pedestal."""
 
 
+@platforms.register("fixed")
 class Fixed(Platform):
     r"""A base that does not move, :math:`l = k = 0`: z is the arm's :math:`\dot y`, B the identity.
 
@@ -37,7 +38,6 @@ class Fixed(Platform):
 
     @classmethod
     def build(cls, site: Site) -> Fixed:
-        """See :meth:`Platform.build`."""
         site.read(FixedParameters)
         return cls()
 
@@ -47,13 +47,11 @@ class Fixed(Platform):
         given = validate(FixedParameters, parameters, f"{origin}: [platform]")
         if given.body is not None:
             return body_urdf(given.body)
-        robot = ET.Element("robot", name="platform")
-        for link in (BASE_LINK, DECK):
-            ET.SubElement(robot, "link", name=link)
-        joint = ET.SubElement(robot, "joint", name="deck_joint", type="fixed")
-        ET.SubElement(joint, "parent", link=BASE_LINK)
-        ET.SubElement(joint, "child", link=DECK)
-        return robot
+        return ET.fromstring(
+            f'<robot name="platform"><link name="{BASE_LINK}"/><link name="{DECK}"/>'
+            f'<joint name="deck_joint" type="fixed"><parent link="{BASE_LINK}"/>'
+            f'<child link="{DECK}"/></joint></robot>'
+        )
 
 
 # There are no coordinates: no entries to write.
@@ -69,6 +67,3 @@ def _none_along(parameters: Vector, x: Vector, x_dot: Vector, rate: Matrix) -> N
 
 @kernel
 def _no_A(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None: ...
-
-
-platforms.register("fixed", Fixed)

@@ -26,11 +26,11 @@ from mobman.model.platforms.body import (
     required,
     required_body,
 )
-from mobman.model.platforms.platform import Site, platforms
+from mobman.model.platforms.platform import Site, WheeledFields, platforms
 from mobman.model.platforms.swerve import Module, ModuleWheel, Swerve, located, modules_of, placed
 from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Named, carriers, wheel_place
 from mobman.robots.urdf.compose import TRAVEL_JOINTS
-from mobman.toml_model import Strict, validate
+from mobman.toml_model import validate
 
 _SIDES = {"right": -1.0, "left": 1.0}
 
@@ -54,7 +54,7 @@ class MultiAxleBody(WheeledBody):
     """Mass of what a steering joint turns, without the wheel (kg)."""
 
 
-class MultiAxleParameters(Strict):
+class MultiAxleParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "multi-axle"``."""
 
     steering: list[str] = []
@@ -66,14 +66,11 @@ class MultiAxleParameters(Strict):
     axle: float | None = None
     """Place of the line on which the centre of rotation stays, ahead of the root link (m): by default
     that of the wheels that are fixed."""
-    wheel_radius: float = Field(gt=0)
-    """R (m)."""
-    heading: float = 0.0
-    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: MultiAxleBody | None = None
     """The platform by its numbers instead of by a URDF."""
 
 
+@platforms.register("multi-axle")
 class MultiAxle(Swerve):
     r"""n steering joints and w wheels: :math:`l = 4 + n + w`, :math:`k = 2 + n + w`.
 
@@ -167,6 +164,3 @@ def _joints(body: MultiAxleBody | None, origin: str) -> tuple[list[str], list[st
         )
     steering = [f"steering_{i}_{side}" for i in every if i in body.steered for side in _SIDES]
     return steering, [f"wheel_{i}_{side}" for i in every for side in _SIDES]
-
-
-platforms.register("multi-axle", MultiAxle)

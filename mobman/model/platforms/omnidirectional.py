@@ -12,15 +12,9 @@ from pydantic import Field
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.model.platforms.body import (
-    WheeledBody,
-    WheelPart,
-    body_urdf,
-    required,
-    required_body,
-)
+from mobman.model.platforms.body import WheeledBody, WheelPart, body_urdf, required, required_body
 from mobman.model.platforms.body_frame import BodyFramePlatform
-from mobman.model.platforms.platform import Site, Wheel, platforms
+from mobman.model.platforms.platform import Site, Wheel, WheeledFields, platforms
 from mobman.model.platforms.wheels import (
     AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
@@ -28,7 +22,7 @@ from mobman.model.platforms.wheels import (
     check_level,
     joint_place,
 )
-from mobman.toml_model import Strict, validate
+from mobman.toml_model import validate
 
 _SINGULAR = 1e-3  # ratio of singular values below which the wheels leave a direction free
 
@@ -46,25 +40,22 @@ class OmnidirectionalBody(WheeledBody):
     """Omni: where on the circle they are, from forward, anticlockwise (rad)."""
 
 
-class OmnidirectionalParameters(Strict):
+class OmnidirectionalParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "omnidirectional"``."""
 
     kind: Literal["mecanum", "omni"]
     """Rollers at 45 degrees to the wheel's axis, or across it."""
     wheels: list[str] = []
     """URDF joints of the wheels, three or more."""
-    wheel_radius: float = Field(gt=0)
-    """R (m)."""
     roller_angles: list[float] | None = None
     """For each wheel, the axis of the roller that touches the ground, seen from above and from the
     wheel's forward direction, anticlockwise (rad). By default 0 for omni wheels; for mecanum wheels
     -pi/4 front left and rear right, pi/4 front right and rear left."""
-    heading: float = 0.0
-    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: OmnidirectionalBody | None = None
     """The platform by its numbers instead of by a URDF."""
 
 
+@platforms.register("omnidirectional")
 class Omnidirectional(BodyFramePlatform):
     r"""Wheels with rollers, :math:`l = 3 + w` for w wheels, :math:`k = w`.
 
@@ -207,6 +198,3 @@ def _names(given: OmnidirectionalParameters) -> list[str]:
         return [f"wheel_{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
     count = len(given.body.angles) if given.body is not None else 0
     return [f"wheel_{i + 1}" for i in range(count)]
-
-
-platforms.register("omnidirectional", Omnidirectional)

@@ -9,23 +9,22 @@ import numpy as np
 
 from mobman.model.platforms.body import Body, body_urdf, required_body
 from mobman.model.platforms.body_frame import BodyFramePlatform, offset_of
-from mobman.model.platforms.platform import Site, platforms
-from mobman.toml_model import Strict, validate
+from mobman.model.platforms.platform import Fields, Site, platforms
+from mobman.toml_model import validate
 
 
-class PlanarParameters(Strict):
+class PlanarParameters(Fields):
     """The fields of ``[platform]`` for ``type = "planar"``."""
 
     centre: tuple[float, float] = (0.0, 0.0)
     """The reference point (x1, x2), on which the commands act, in the root link's frame (m)."""
     height: float = 0.0
     """Height of the root link's origin above the ground (m)."""
-    heading: float = 0.0
-    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: Body | None = None
     """The platform by its numbers instead of by a URDF."""
 
 
+@platforms.register("planar")
 class Planar(BodyFramePlatform):
     r"""A platform without constraints, :math:`l = 3`, :math:`k = 0`.
 
@@ -45,7 +44,6 @@ class Planar(BodyFramePlatform):
 
     @classmethod
     def build(cls, site: Site) -> Planar:
-        """See :meth:`Platform.build`."""
         given = site.read(PlanarParameters)
         offset = offset_of(*given.centre, given.height, given.heading)
         return cls(root_offset=offset, heading=given.heading)
@@ -55,6 +53,3 @@ class Planar(BodyFramePlatform):
         """See :meth:`Platform.describe`: a box."""
         given = validate(PlanarParameters, parameters, f"{origin}: [platform]")
         return body_urdf(required_body(origin, given.body))
-
-
-platforms.register("planar", Planar)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
 from mobman.arrays import Array, Index, Matrix, Tensor, Vector
 from mobman.compiled import kernel, plain
@@ -20,6 +21,20 @@ from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.toml_model import Strict, validate
 
 M = TypeVar("M", bound=Strict)
+
+
+class Fields(Strict):
+    """The fields of ``[platform]`` that most types have."""
+
+    heading: float = 0.0
+    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
+
+
+class WheeledFields(Fields):
+    """The same with wheels, all alike."""
+
+    wheel_radius: float = Field(gt=0)
+    """R (m)."""
 
 
 class Wheel(NamedTuple):

@@ -8,17 +8,11 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from mobman.model.platforms.body import (
-    WheeledBody,
-    WheelPart,
-    body_urdf,
-    required,
-    required_body,
-)
+from mobman.model.platforms.body import WheeledBody, WheelPart, body_urdf, required, required_body
 from mobman.model.platforms.differential import TwoSided
-from mobman.model.platforms.platform import Site, platforms
+from mobman.model.platforms.platform import Site, WheeledFields, platforms
 from mobman.model.platforms.wheels import Named, sides
-from mobman.toml_model import Strict, validate
+from mobman.toml_model import validate
 
 
 class SkidSteerBody(WheeledBody):
@@ -28,15 +22,13 @@ class SkidSteerBody(WheeledBody):
     """Distance of the front and the rear axle (m)."""
 
 
-class SkidSteerParameters(Strict):
+class SkidSteerParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "skid-steer"``."""
 
     right_wheels: list[str] = []
     """URDF joints of the wheels on the right, the one that stands for all of them first."""
     left_wheels: list[str] = []
     """The same on the left."""
-    wheel_radius: float = Field(gt=0)
-    """R (m)."""
     half_track: float | None = Field(None, gt=0)
     """Half the distance of the sides (m); by default that in the URDF."""
     track_factor: float = Field(1.0, ge=1)
@@ -44,12 +36,11 @@ class SkidSteerParameters(Strict):
     platform of that track. Identified on the ground that is driven on; 1 is no slip of the side."""
     reference_offset: float = 0.0
     """a (m): the reference point (x1, x2) lies so far ahead of the middle of the wheels."""
-    heading: float = 0.0
-    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: SkidSteerBody | None = None
     """The platform by its numbers instead of by a URDF; ``half_track`` is required then."""
 
 
+@platforms.register("skid-steer")
 class SkidSteer(TwoSided):
     r"""Wheels geared together on each side, as a differential platform with an effective track
     (Mandow et al., IROS 2007): :math:`l = 3 + w` for w wheels, :math:`k = 1 + w`.
@@ -63,7 +54,6 @@ class SkidSteer(TwoSided):
 
     @classmethod
     def build(cls, site: Site) -> SkidSteer:
-        """See :meth:`Platform.build`."""
         given = site.read(SkidSteerParameters)
         named = Named(site, given)
         right, left = (named.wheels(f"{side}_wheels", *_names(side)) for side in ("right", "left"))
@@ -100,6 +90,3 @@ class SkidSteer(TwoSided):
 def _names(side: str) -> list[str]:
     """Names of the wheels' joints of a platform described by its numbers."""
     return [f"wheel_front_{side}", f"wheel_rear_{side}"]
-
-
-platforms.register("skid-steer", SkidSteer)

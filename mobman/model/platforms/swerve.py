@@ -34,7 +34,14 @@ from mobman.model.platforms.body import (
     required,
     required_body,
 )
-from mobman.model.platforms.platform import Equations, Platform, Site, Wheel, platforms
+from mobman.model.platforms.platform import (
+    Equations,
+    Platform,
+    Site,
+    Wheel,
+    WheeledFields,
+    platforms,
+)
 from mobman.model.platforms.wheels import (
     AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
@@ -46,7 +53,7 @@ from mobman.model.platforms.wheels import (
     joint_place,
 )
 from mobman.robots.urdf.compose import BASE_JOINTS, TRAVEL_JOINTS
-from mobman.toml_model import Strict, validate
+from mobman.toml_model import validate
 
 _ON_AXIS = 1e-6  # of |zeta|: below it the centre of rotation is on the steering axis
 _CORNERS = tuple(f"{end}_{side}" for end in ("front", "rear") for side in ("left", "right"))
@@ -71,17 +78,13 @@ class SwerveBody(WheeledBody):
     """Mass of what a steering joint turns, without the wheel (kg)."""
 
 
-class SwerveParameters(Strict):
+class SwerveParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "swerve"``."""
 
     steering: list[str] = []
     """URDF joints that steer, two or more."""
     wheels: list[str] = []
     """URDF joints of the driven wheels, one or more behind each of those."""
-    wheel_radius: float = Field(gt=0)
-    """R (m)."""
-    heading: float = 0.0
-    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: SwerveBody | None = None
     """The platform by its numbers instead of by a URDF."""
 
@@ -111,6 +114,7 @@ class ModuleWheel(NamedTuple):
     driven: bool = True
 
 
+@platforms.register("swerve")
 class Swerve(Platform):
     r"""n modules that are steered, with w driven wheels: :math:`l = 5 + n + w`, :math:`k = 2 + n + w`.
 
@@ -510,6 +514,3 @@ def _constraint_derivative_rate(
         A_x_rate[row, 0, 2], A_x_rate[row, 1, 2] = -c, -s
         A_x_rate[row, 0, d], A_x_rate[row, 1, d] = -sign * c, -sign * s
         A_x_rate[row, 2, d] = sign * (b * math.cos(angle) - a * math.sin(angle)) * rate
-
-
-platforms.register("swerve", Swerve)

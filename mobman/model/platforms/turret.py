@@ -77,6 +77,7 @@ class TurretParameters(Strict):
     then, and ``platform`` is under the turret's axis."""
 
 
+@platforms.register("turret")
 class Turret(Platform):
     r"""A body on a turret on a differential carriage, :math:`l = 6`, :math:`k = 3`.
 
@@ -123,7 +124,6 @@ class Turret(Platform):
 
     @classmethod
     def build(cls, site: Site) -> Turret:
-        """See :meth:`Platform.build`."""
         given = site.read(TurretParameters)
         named = Named(site, given)
         (turret,) = named.names("turret", [_TURRET])
@@ -250,6 +250,3 @@ def _constraint_derivative_rate(
             factor = turn if m == 3 else 1.0
             A_x_rate[i, 0, m] = factor * (-s if i == 0 else -c)
             A_x_rate[i, 1, m] = factor * (c if i == 0 else -s)
-
-
-platforms.register("turret", Turret)

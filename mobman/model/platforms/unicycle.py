@@ -9,11 +9,11 @@ import numpy as np
 
 from mobman.model.platforms.body import Body, body_urdf, required_body
 from mobman.model.platforms.body_frame import BodyFramePlatform, offset_of
-from mobman.model.platforms.platform import Site, platforms
-from mobman.toml_model import Strict, validate
+from mobman.model.platforms.platform import Fields, Site, platforms
+from mobman.toml_model import validate
 
 
-class UnicycleParameters(Strict):
+class UnicycleParameters(Fields):
     """The fields of ``[platform]`` for ``type = "unicycle"``."""
 
     axle: tuple[float, float] = (0.0, 0.0)
@@ -22,12 +22,11 @@ class UnicycleParameters(Strict):
     """Height of the root link's origin above the ground (m)."""
     reference_offset: float = 0.0
     """a (m): the reference point (x1, x2) lies so far ahead of that point."""
-    heading: float = 0.0
-    """Direction of forward in the root link's frame, about z from its x axis (rad)."""
     body: Body | None = None
     """The platform by its numbers instead of by a URDF."""
 
 
+@platforms.register("unicycle")
 class Unicycle(BodyFramePlatform):
     r"""A platform that moves along its heading and turns, :math:`l = 3`, :math:`k = 1`.
 
@@ -51,7 +50,6 @@ class Unicycle(BodyFramePlatform):
 
     @classmethod
     def build(cls, site: Site) -> Unicycle:
-        """See :meth:`Platform.build`."""
         given = site.read(UnicycleParameters)
         offset = offset_of(*given.axle, given.height, given.heading)
         offset[0] -= given.reference_offset
@@ -62,6 +60,3 @@ class Unicycle(BodyFramePlatform):
         """See :meth:`Platform.describe`: a box."""
         given = validate(UnicycleParameters, parameters, f"{origin}: [platform]")
         return body_urdf(required_body(origin, given.body))
-
-
-platforms.register("unicycle", Unicycle)
