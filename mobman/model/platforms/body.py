@@ -150,7 +150,7 @@ def _wheel(body: WheeledBody, wheel: WheelPart) -> str:
     motor = {"effort": body.wheel_effort, "velocity": body.wheel_velocity}
     place = (wheel.parent, name, wheel.xyz, wheel.yaw)
     return _link(name, m, (across, 0.5 * m * r**2, across), shapes) + _joint(
-        wheel.joint, "continuous", *place, axis="0 1 0", **motor
+        wheel.joint, "continuous", *place, axis="0 1 0", limit=motor
     )
 
 
@@ -163,7 +163,7 @@ def _knuckle(knuckle: Knuckle) -> str:
     bounds |= {"effort": knuckle.effort, "velocity": knuckle.velocity}
     kind = "continuous" if endless else "revolute"
     return _link(name, knuckle.mass, box_inertia(knuckle.mass, size), box) + _joint(
-        knuckle.joint, kind, BASE_LINK, name, knuckle.xyz, axis="0 0 1", **bounds
+        knuckle.joint, kind, BASE_LINK, name, knuckle.xyz, axis="0 0 1", limit=bounds
     )
 
 
@@ -201,9 +201,9 @@ def _joint(
     xyz: Sequence[float],
     yaw: float = 0.0,
     axis: str = "",
-    **limit: float,
+    limit: dict[str, float] | None = None,
 ) -> str:
-    bounds = "".join(f' {key}="{value!r}"' for key, value in limit.items())
+    bounds = "".join(f' {key}="{value!r}"' for key, value in (limit or {}).items())
     moves = f'<axis xyz="{axis}"/><limit{bounds}/>' if axis else ""
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
