@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -120,10 +121,15 @@ def test_mesh_that_ends_its_reader_is_named_and_left_out(trap, mobman, deadly):
     assert "deadly.ply" in checked.out.replace("\n", "").replace(" ", "")
 
 
-def test_triangle_with_a_corner_that_is_not_there(tmp_path):
-    mesh = Surface(np.zeros((3, 3)), np.array([[0, 1, 7]]))
+@pytest.mark.parametrize("reader", ["read_triangles", "read_isolated"])
+def test_triangle_with_a_corner_that_is_not_there(tmp_path, monkeypatch, reader):
+    whole, broken = (Surface(np.eye(3), np.array([corners])) for corners in ([0, 1, 2], [0, 1, 7]))
+    plain, own = (broken, whole) if reader == "read_triangles" else (whole, broken)
+    monkeypatch.setattr(meshes, "read_triangles", lambda path: (plain.vertices, plain.faces))
+    monkeypatch.setattr(meshes, "read_isolated", lambda function, path: [asdict(own)])
+    monkeypatch.setattr(meshes, "installed", lambda library: True)
     with pytest.raises(MeshError, match=r"x\.obj has a triangle with a corner that is not there"):
-        meshes._check(mesh, tmp_path / "x.obj")
+        meshes.read_mesh(tmp_path / "x.obj", (1.0, 1.0, 1.0))
 
 
 def test_pipe_for_a_mesh(trap):
