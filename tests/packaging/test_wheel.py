@@ -15,6 +15,8 @@ ROOT = Path(__file__).parents[2]
 
 TRIAL = """
 import mobman, mobman as mm, pathlib, sys
+from mobman.compiled import kernel_files
+assert len(kernel_files()) > 10
 assert pathlib.Path(mobman.__file__).is_relative_to(sys.prefix), mobman.__file__
 assert {"youbot", "tiago"} <= set(mm.list_robots())
 record = mm.simulate("youbot", "tsm", "paper", duration=0.05)
@@ -58,13 +60,33 @@ def test_wheel_simulates_away_from_the_checkout(environment, tmp_path):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        # the kernels of the wheel are compiled by the suite's run below
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
     )
     assert done.returncode == 0, done.stderr
 
 
-def test_wheel_has_command_line_suites_and_report(environment, tmp_path):
+# One kernel that calls others, from another file.
+COMPILED = """
+import numpy as np
+from mobman.compiled import bind
+from mobman.controllers.task_errors import tip_rates
+J_f, rate, C = np.array([[1.0, 2.0]]), np.zeros((1, 2)), np.eye(2)
+J, J_dot_z = np.zeros((1, 2)), np.zeros(1)
+bind(tip_rates, J_f, rate, C, np.ones(2), np.array([1.0, 2.0]), J, J_dot_z)()
+print(J_dot_z.tolist())
+"""
+
+
+def test_kernels_of_the_wheel_are_compiled(environment, tmp_path):
+    """All that a run needs are compiled in the slow variant of the next test."""
+    done = subprocess.run(
+        [environment / "python", "-I", "-c", COMPILED], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (0, "[5.0]\n"), done.stderr
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_wheel_has_command_line_suites_and_report(environment, tmp_path, compiled):
     listing = subprocess.run(
         [environment / "mobman", "bench", "list"], cwd=tmp_path, capture_output=True, text=True
     )
@@ -80,6 +102,7 @@ def test_wheel_has_command_line_suites_and_report(environment, tmp_path):
         cwd=tmp_path,
         capture_output=True,
         text=True,
+        env={**os.environ, "NUMBA_DISABLE_JIT": str(int(not compiled))},
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "results" / "one" / "report.html").is_file()
