@@ -84,7 +84,7 @@ def test_every_name_in_contributing_is_in_the_file_that_is_named_with_it():
 def test_registries_in_contributing_are_those_of_the_code():
     source = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "mobman").rglob("*.py"))
     for registry in re.findall(r"`(\w+)\.register\(", CONTRIBUTING):
-        assert re.search(rf"^{registry}(: Registry| = Types\()", source, re.MULTILINE), registry
+        assert re.search(rf"^{registry}(: Registry| = types_of\()", source, re.MULTILINE), registry
 
 
 def test_changelog_begins_with_what_is_not_released_and_has_this_version():
