@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from click import BadParameter, Choice, argument, group, option
 from click.exceptions import Exit
 
-import mobman as mm
 from mobman.cli.options import COUNT, FOLDER, PATH, POSITIVE, complete, reports
 from mobman.cli.output import SuiteDisplay, TuningDisplay, console, echo, note, print_json, table
 from mobman.display import printable
@@ -39,10 +38,12 @@ def bench() -> None:
 def list_command(as_json: bool) -> None:
     """List the suites."""
 
+    from mobman.benchmark.suite import list_suites, load_suite
+
     rows = []
-    for name in mm.list_suites():
+    for name in list_suites():
         try:
-            suite = mm.load_suite(name)
+            suite = load_suite(name)
             rows.append({"name": name, "runs": suite.size(), "description": suite.description})
         except MobmanError as error:  # another package's must not hide the others
             note(f"{name} is left out: {error}")
@@ -59,9 +60,10 @@ def list_command(as_json: bool) -> None:
 @reports
 def show_command(suite: str, each: bool, as_json: bool) -> None:
     """Show what SUITE (a name or a TOML file) contains, and check all of it; nothing is run."""
+    from mobman.benchmark.suite import load_suite
     from mobman.model.platforms.custom import without_code
 
-    chosen = mm.load_suite(suite)
+    chosen = load_suite(suite)
     with without_code():
         runs = chosen.runs()
     if as_json:
@@ -145,19 +147,22 @@ def run_command(
     status 1 if a run gave no result; a run that diverged is a result.
     """
 
-    chosen = mm.load_suite(suite)
+    from mobman.benchmark.suite import load_suite
+
+    chosen = load_suite(suite)
     if options["dask"] is None:
         from mobman.benchmark.workers import start_ahead
         from mobman.compiled import anything_kept
 
         if anything_kept():  # else both would compile
             start_ahead()  # while the following is imported
+    from mobman.benchmark.runner import run_suite
 
     folder = output or Path("results") / chosen.name
     display = SuiteDisplay()
     try:
         with display:
-            summary = mm.run_suite(chosen, folder, part=part, on_event=display.tell, **options)
+            summary = run_suite(chosen, folder, part=part, on_event=display.tell, **options)
     except KeyboardInterrupt:
         if not display.asked:
             _leave("interrupted before the first run")
@@ -244,9 +249,10 @@ def tune_command(
     are not done again: after Ctrl-C the same command goes on.
     """
     from mobman.benchmark.backends import default_workers
+    from mobman.benchmark.suite import load_suite
     from mobman.benchmark.tuning.tune import tune_suite
 
-    chosen = mm.load_suite(suite)
+    chosen = load_suite(suite)
     folder = output or Path("results") / f"{chosen.name}-tuning"
     count = default_workers() if workers is None else workers
     display = TuningDisplay(count)

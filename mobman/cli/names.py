@@ -10,7 +10,6 @@ from typing import Any
 
 import click
 
-import mobman as mm
 from mobman.cli.options import complete, names_of, reports
 from mobman.cli.output import console, print_json, table
 from mobman.errors import FOREIGN_ERRORS
@@ -57,7 +56,9 @@ def _task(name: str) -> Facts:
 
 def _scenario(name: str) -> Facts:
 
-    changes = mm.load_scenario(name).model_dump(mode="json", exclude_defaults=True)
+    from mobman.simulation.scenario import load_scenario
+
+    changes = load_scenario(name).model_dump(mode="json", exclude_defaults=True)
     about = {key: changes.pop(key, "") for key in ("name", "description")}
     return {**about, "changes": changes}
 

@@ -8,18 +8,20 @@ import os
 import re
 from collections import Counter
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 from rich.text import Text
 
-import mobman as mm
 from mobman.cli.options import complete, reports
 from mobman.cli.output import console, echo, note, number, print_json, table
 from mobman.cli.robots_add import add
 from mobman.errors import MobmanError, UnknownNameError, UsageError
 from mobman.robots.spec import NAME, RobotSpec
+
+if TYPE_CHECKING:
+    from mobman.model.mobile_manipulator import MobileManipulator
 
 _TASK = "circle"  # the default one
 _NUMBERS = ("arm", "nz", "kg")
@@ -34,13 +36,15 @@ _STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 def robots(context: click.Context, as_json: bool) -> None:
     """List the robots (arm: joints of the arm; nz: motors), or show, check, add or remove one;
     or compute the bounds that the theorems suppose of one."""
+    from mobman.robots.catalogue import list_robots
+
     if context.invoked_subcommand is not None:
         if as_json:
             raise click.UsageError(f"put --json behind {context.invoked_subcommand!r}")
         return
 
     rows = []
-    for name in mm.list_robots():
+    for name in list_robots():
         try:
             rows.append(_summary(*_found(name)))
         except UnknownNameError:
@@ -104,7 +108,7 @@ def show(name: str, as_json: bool) -> None:
     out.print(table("q", *numbers, rows=rows, right=numbers, names={"q"}))
 
 
-def _summary(spec: RobotSpec, robot: mm.MobileManipulator | None, origin: str) -> dict[str, Any]:
+def _summary(spec: RobotSpec, robot: MobileManipulator | None, origin: str) -> dict[str, Any]:
     """Facts of a robot; of one whose platform is code, and is not run here, those of its description."""
     model: dict[str, Any] = dict.fromkeys(("arm_joints", "nq", "nz", "mass"))
     if robot is not None:
@@ -121,13 +125,13 @@ def _summary(spec: RobotSpec, robot: mm.MobileManipulator | None, origin: str) -
     }
 
 
-def _found(name: str) -> tuple[RobotSpec, mm.MobileManipulator | None, str]:
+def _found(name: str) -> tuple[RobotSpec, MobileManipulator | None, str]:
     """A robot's description, its model unless that takes running code, and where it is from."""
     from mobman.model.build import build_robot
-    from mobman.robots.catalogue import find_spec, origin_of
+    from mobman.robots.catalogue import find_spec, list_robots, origin_of
 
     spec = find_spec(name)
-    origin = origin_of(name) if name in mm.list_robots() else "file"
+    origin = origin_of(name) if name in list_robots() else "file"
     return spec, None if spec.code else build_robot(spec), origin
 
 
@@ -163,6 +167,7 @@ def _details(name: str) -> dict[str, Any]:
 @reports
 def remove(name: str, as_json: bool) -> None:
     """Remove the robot NAME that was added by the user: its TOML, and its copy of the URDF."""
+    from mobman.robots.catalogue import list_robots
     from mobman.robots.places import own_robots, user_robots_folder
 
     folder = user_robots_folder()
@@ -170,7 +175,7 @@ def remove(name: str, as_json: bool) -> None:
     if not re.fullmatch(NAME, name) or not os.path.lexists(file):
         if name in own_robots():
             raise UsageError(f"the robot {name!r} comes with mobman and stays")
-        if name in mm.list_robots():
+        if name in list_robots():
             raise UsageError(f"the robot {name!r} is another package's; uninstall that")
         known = [path.stem for path in folder.glob("*.toml")]
         raise UnknownNameError("robot of yours", name, known)
@@ -198,9 +203,11 @@ def bounds(name: str, as_json: bool) -> None:
     """
     from mobman.controllers import computed_bounds as computing
     from mobman.controllers.bounds import SEED, SPREAD
+    from mobman.model.build import load_robot
+    from mobman.tasks.task import make_task
 
-    robot = mm.load_robot(name)
-    computed = computing.computed_bounds(robot, mm.make_task(_TASK, robot))
+    robot = load_robot(name)
+    computed = computing.computed_bounds(robot, make_task(_TASK, robot))
     if as_json:
         about = computed._asdict()
         content = {"robot": robot.name, "task": _TASK, **about.pop("values")}
@@ -244,8 +251,9 @@ def check(name: str, as_json: bool, no_simulation: bool) -> None:
     Exit status 1 if something is wrong, 0 with warnings alone, 2 if the robot cannot be loaded.
     """
     from mobman.checks.checks import run_checks
+    from mobman.model.build import load_robot
 
-    robot = mm.load_robot(name)
+    robot = load_robot(name)
     findings = run_checks(robot, simulation=not no_simulation)
     counts: Counter[str] = Counter(finding.status for finding in findings)
     if as_json:

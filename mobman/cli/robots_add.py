@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from click import BadParameter, Choice, argument, command, option
 from click import Path as click_path
 
-import mobman as mm
 from mobman.cli.options import FILE, POSITIVE, reports
 from mobman.cli.output import console, print_json
 from mobman.errors import MobmanError, UsageError
@@ -24,6 +23,7 @@ from mobman.files import write_new
 from mobman.robots.infer.findings import TYPES, Options
 
 if TYPE_CHECKING:
+    from mobman.model.mobile_manipulator import MobileManipulator
     from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
 _ABOUT_OPTIONS = r"field '(platform|arm|urdf\.lock)\b|\[platform\]|\[arm\]"
@@ -172,7 +172,7 @@ def add(
         _print(summary)
 
 
-def _heading(robot: mm.MobileManipulator) -> tuple[float, str]:
+def _heading(robot: MobileManipulator) -> tuple[float, str]:
     """The weight of the heading in the posture criterion, by the rule, and what it is good for."""
     from mobman.model.posture_weights import conditioning
 
@@ -198,6 +198,7 @@ def _check_options(output: Path | None, options: Options) -> None:
 
 def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
     """Before anything is computed: nothing that is there is replaced unasked."""
+    from mobman.robots.catalogue import list_robots
     from mobman.robots.places import own_robots
 
     if by_name and name in own_robots():
@@ -205,7 +206,7 @@ def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
     if force:
         return
     _check_absent(target)
-    if by_name and name in mm.list_robots():
+    if by_name and name in list_robots():
         raise UsageError(
             f"there is a robot {name!r} already; choose another --name, or add --force"
         )
@@ -216,7 +217,7 @@ def _check_absent(path: Path) -> None:
         raise UsageError(f"{path} is there already; choose another --name or -o, or add --force")
 
 
-def _verified(robot: mm.MobileManipulator, force: bool) -> list[str]:
+def _verified(robot: MobileManipulator, force: bool) -> list[str]:
     """Checks of what is about to be written; what only may be wrong, in sentences.
 
     Raises:
@@ -247,14 +248,14 @@ def _missing_meshes(files: Sequence[UrdfFile]) -> Iterator[str]:
         )
 
 
-def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> mm.MobileManipulator:
+def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> MobileManipulator:
     """The robot of a file that is written only if it can be loaded; its copies are not there yet."""
-    from mobman.model.build import build_robot
+    from mobman.model.build import build_robot, load_robot
     from mobman.robots.spec import spec_of
 
     try:
         spec = spec_of(tomllib.loads(text), target)
-        return mm.load_robot(spec) if sources is None else build_robot(spec, sources)
+        return load_robot(spec) if sources is None else build_robot(spec, sources)
     except MobmanError as error:
         advice = "correct the URDF"
         if re.search(_ABOUT_OPTIONS, str(error)):

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 from click import BadParameter, Context, IntRange, Parameter, UsageError, argument, command, option
 from click.exceptions import Exit
 
-import mobman as mm
 from mobman.cli.options import FILE, FORCE, PATH, PORT, check_new, complete, level, reports
 from mobman.cli.output import console, echo, note, number, print_json, progress_bar, table
 from mobman.errors import FOREIGN_ERRORS, MobmanError, RecordError
 
 if TYPE_CHECKING:
+    from mobman.model.mobile_manipulator import MobileManipulator
+    from mobman.simulation.record import Record
     from mobman.simulation.rerun import Own, Verification
     from mobman.viewer.view import LiveRun, View
 
@@ -96,9 +97,11 @@ def run(
 
     Exit status 1 if the run diverged or met a singularity; its record is written all the same.
     """
-    from mobman.controllers.protocol import controllers
-    from mobman.simulation.simulate import seconds
-    from mobman.tasks.task import check_parameters, tasks
+    from mobman.controllers.protocol import controllers, make_controller
+    from mobman.model.build import load_robot
+    from mobman.simulation.scenario import load_scenario
+    from mobman.simulation.simulate import seconds, simulate
+    from mobman.tasks.task import check_parameters, make_task, tasks
 
     check_new(output, suffixes=_SUFFIXES, force=given["force"])
     if output is not None:
@@ -107,11 +110,11 @@ def run(
         controllers.register(controller, _code(controller, "--controller"))
     if ".py:" in task:
         tasks.register(task, _code(task, "--task"))
-    model = mm.load_robot(robot)
-    law = mm.make_controller(controller, **given["gain"])
+    model = load_robot(robot)
+    law = make_controller(controller, **given["gain"])
     options = check_parameters(task, given["task_option"])
-    aim = mm.make_task(task, model, **options)
-    scenario, speed = mm.load_scenario(given["scenario"]), given["live_speed"]
+    aim = make_task(task, model, **options)
+    scenario, speed = load_scenario(given["scenario"]), given["live_speed"]
     settings = {key: given[key] for key in ("duration", "dt", "seed", "monitor")}
     with ExitStack() as closing:
         watched: LiveRun | None = None
@@ -127,7 +130,7 @@ def run(
             settings |= {"observe": watched.observe, "observe_every": watched.every}
         title = f"{model.name} · {task} · {scenario.name} · {controller}"
         with progress_bar(title) as progress:
-            record = mm.simulate(model, law, aim, scenario=scenario, progress=progress, **settings)
+            record = simulate(model, law, aim, scenario=scenario, progress=progress, **settings)
         saved = None if output is None else record.save(output)
         tell(record, model, saved, as_json=as_json, everything=given["everything"])
         if watched is not None:
@@ -161,8 +164,8 @@ def _open(watched: LiveRun, shown: View, no_browser: bool) -> None:
 
 
 def tell(
-    record: mm.Record,
-    robot: mm.MobileManipulator,
+    record: Record,
+    robot: MobileManipulator,
     path: Path | None,
     *,
     as_json: bool = False,
@@ -235,7 +238,7 @@ def _with_unit(value: float, unit: str) -> str:
     return f"{text} {unit}" if math.isfinite(value) and unit != "1" else text
 
 
-def _went_well(record: mm.Record) -> bool:
+def _went_well(record: Record) -> bool:
     if not record.ok:
         note(f"the run ended as {record.status} {record.message}")
     return record.ok
@@ -326,6 +329,7 @@ def rerun(
 
 def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
     """Parts that the user names instead of the record's."""
+    from mobman.model.build import load_robot
     from mobman.simulation.rerun import Own
 
     law = None if controller is None else _code(controller, "--controller")
@@ -335,7 +339,7 @@ def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
         message = f"calling {controller} failed: {error!r}"
         raise BadParameter(message, param_hint="--controller") from error
     return Own(
-        robot=None if robot is None else mm.load_robot(robot),
+        robot=None if robot is None else load_robot(robot),
         controller=law,
         make_task=None if task is None else _code(task, "--task"),
     )
