@@ -21,7 +21,7 @@ from mobman.benchmark.report.data import read_results
 from mobman.benchmark.store import Store, merge
 from mobman.benchmark.suite import load_suite
 from mobman.cli.main import mobman as command
-from mobman.errors import MobmanError, UsageError
+from mobman.errors import MobmanError, RecordError, UsageError
 from mobman.provenance import versions
 from mobman.simulation.scenario import Scenario
 
@@ -90,6 +90,13 @@ def test_a_result_removes_the_failure_of_the_run(tmp_path, suite, runs, contents
     assert not store.failures
 
 
+def reason(store, run):
+    """Why a run's record cannot be used."""
+    with pytest.raises(RecordError) as error:
+        store.summary(run)
+    return str(error.value)
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -107,7 +114,7 @@ def test_files_that_cannot_be_used_are_told_and_the_others_are_used(
     victim = store.path(runs[2])
     spoil(victim)
     assert [run for run in runs if not store.done(run)] == [runs[2]]
-    (told,) = store.unreadable(runs)
+    told = reason(store, runs[2])
     assert message in told
     assert str(victim) in told
     with h5py.File(store.rebuild_index()) as index:
@@ -129,7 +136,7 @@ def test_another_runs_record_is_told_and_its_run_done_again(tmp_path, suite, run
     store = filled(tmp_path / "one", suite, runs, contents)
     store.path(runs[0]).write_bytes(contents[runs[1].run_id])
     assert [run for run in runs if not store.done(run)] == [runs[0]]
-    assert "is another run's record" in store.unreadable(runs)[0]
+    assert "is another run's record" in reason(store, runs[0])
     merged = merge([store.folder], tmp_path / "all")
     assert (merged.there, len(merged.unusable)) == (7, 1)
 
@@ -315,7 +322,7 @@ def test_a_record_whose_samples_are_damaged_is_told_and_its_run_done_again(
             file.write(bytes(chunk.size))
         again = Store(tmp_path)
         assert [run for run in runs if not again.done(run)] == [runs[1]]
-        assert "damaged" in again.unreadable(runs)[0]
+        assert "damaged" in reason(again, runs[1])
         store.keep(runs[1], contents[runs[1].run_id])
 
 
