@@ -52,6 +52,19 @@ MOST_PIECES = 100
 Number = Annotated[float, Field(strict=True)]
 
 
+class _Fields(dict[str, Any]):
+    """The fields of a piece as they were given, and the scenario's field that it stands in."""
+
+    group: str
+
+    @classmethod
+    def of(cls, group: str, fields: dict[str, Any]) -> Self:
+        """A copy of fields, with their group."""
+        made = cls(fields)
+        made.group = group
+        return made
+
+
 class Source(Strict):
     """A piece as a scenario holds it: its type, and the type's own fields, which the type checks.
 
@@ -64,6 +77,15 @@ class Source(Strict):
     type: str
     group: str = Field(exclude=True)
     """The scenario's field."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _placed(cls, fields: Any) -> Any:
+        if isinstance(fields, _Fields):
+            if "group" in fields:
+                raise ValueError("field 'group' is unknown")
+            return {**fields, "group": fields.group}
+        return fields
 
     @model_validator(mode="after")
     def _valid(self) -> Self:
@@ -184,10 +206,10 @@ class Scenario(Displayed, Strict):
     @field_validator(*list(GROUPS)[:-2], mode="before")
     @classmethod
     def _pieces(cls, value: Any, info: ValidationInfo) -> Any:
-        own = {"group": info.field_name}
         if not isinstance(value, (list, tuple)):
             return value
-        return [one | own if isinstance(one, dict) else one for one in value]
+        group = str(info.field_name)
+        return [_Fields.of(group, one) if isinstance(one, dict) else one for one in value]
 
     @field_validator("acceleration", "plant", mode="before")
     @classmethod
@@ -203,7 +225,7 @@ class Scenario(Displayed, Strict):
             raise ValueError(f"must be one of {choices}, or a table with such a 'type'")
         parameters = {name: given for name, given in fields.items() if name != "type"}
         validate(kinds.get(fields["type"]), parameters, f"{what} {fields['type']!r}")
-        source = Source(**fields, group=str(info.field_name))
+        source = Source.model_validate(_Fields.of(str(info.field_name), fields))
         return source if source.__pydantic_extra__ else source.type
 
     @field_validator("extends")

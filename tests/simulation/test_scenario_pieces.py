@@ -342,3 +342,8 @@ def test_noise_of_one_quantity_does_not_depend_on_that_of_another(youbot):
     alone = _signals({**RANDOM, "sensors": sensors}, youbot)
     assert np.array_equal(alone[-2], _signals(RANDOM, youbot)[-2])  # z
     assert np.array_equal(alone[-3], youbot.q_rest)
+
+
+def test_a_piece_does_not_name_its_group():
+    with pytest.raises(SpecError, match=r"friction\.0.*field 'group' is unknown"):
+        Scenario(name="x", friction=[{"type": "viscous", "torque": 0.1, "group": "sensors"}])
