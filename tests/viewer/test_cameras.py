@@ -61,6 +61,14 @@ def _hidden(page):
     return count, hidden
 
 
+def _resized(page, width, height):
+    """What is hidden once the window and the view have a size."""
+    page.set_viewport_size({"width": width, "height": height})
+    aspect = "size => mobman.app.stage.viewer.camera.aspect === size[0] / size[1]"
+    page.wait_for_function(aspect, arg=[width, height])
+    return _hidden(page)
+
+
 @pytest.mark.parametrize(
     "name",
     ["robot", "pair", *(pytest.param(name, marks=pytest.mark.slow) for name in ("tall", "low"))],
@@ -68,16 +76,13 @@ def _hidden(page):
 def test_first_view_is_clear_of_what_is_written(files, opened, name):
     with opened(files[name]) as page:
         for width, height in ((1400, 900), (700, 520), (400, 800)):
-            page.set_viewport_size({"width": width, "height": height})
-            page.wait_for_function("width => mobman.app.stage.viewer.camera.aspect"
-                " === width[0] / width[1]", arg=[width, height])  # fmt: skip
-            count, hidden = _hidden(page)
+            count, hidden = _resized(page, width, height)
             assert count > 8
             assert hidden == [], (width, height)
             if name == "pair":
                 page.evaluate("mobman.app.cells[1].status.textContent = 'beyond: torso_lift_joint'")
             assert page.evaluate(CLASHES) == [], (width, height)
-        page.set_viewport_size({"width": 1400, "height": 900})
+        assert _resized(page, 1400, 900)[1] == []
         for camera in CAMERAS:
             page.evaluate("camera => mobman.look(camera)", camera)
             assert _hidden(page)[1] == [], camera
