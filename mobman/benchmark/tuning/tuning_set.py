@@ -115,15 +115,16 @@ def tuning_runs(
     scenarios = content.get("scenarios", {})
     if twice := sorted(scenarios.keys() & tuning.definitions.keys()):
         raise SpecError(f"tuning.definitions: {twice[0]!r} is a scenario of the suite, too")
-    names = tuning.scenarios or list(tuning.definitions)
-    shipped = {} if names else own_scenarios()
+    own = own_scenarios()
+    names = tuning.scenarios or list(tuning.definitions) or list(own)
+    named = {name: own[name] for name in names if name in own}
     groups = []
     for robot, task in _pairs(tuning, reported):
         known = [run for run in reported if (run.robot, run.task) == (robot, task)]
         gains = {
             label: next((run.gains for run in known if run.label == label), {}) for label in labels
         }
-        group = {"robots": [robot], "tasks": [task], "scenarios": names or list(shipped)}
+        group = {"robots": [robot], "tasks": [task], "scenarios": names}
         period = {"dt": known[0].dt} if tuning.dt is None and known else {}
         groups.append({**group, "gains": gains, **period})
     derived: dict[str, Any] = {
@@ -132,7 +133,7 @@ def tuning_runs(
         "duration": suite.duration if tuning.duration is None else tuning.duration,
         "seeds": tuning.seeds,
         "controllers": {label: content["controllers"][label] for label in labels},
-        "scenarios": {**shipped, **scenarios, **tuning.definitions},
+        "scenarios": {**named, **scenarios, **tuning.definitions},
         "groups": groups,
     }
     if tuning.dt is not None:

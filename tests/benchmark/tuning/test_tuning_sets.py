@@ -126,3 +126,9 @@ def test_what_is_not_reported_is_not_refused(tuning):
     assert runs["one"]
     with pytest.raises(SpecError):  # the same runs, once one of them is reported
         require_disjoint(runs["one"], [*reported, runs["one"][-1]])
+
+
+def test_own_scenarios_can_be_named_with_others():
+    runs, _ = runs_of(with_tuning(definitions={}, scenarios=["nominal", "tuning-lighter"], seeds=[9]))
+    told = {run.scenario["name"]: run.scenario.get("mass_factor", 1.0) for run in runs["one"]}
+    assert told == {"nominal": 1.0, "tuning-lighter": own_scenarios()["tuning-lighter"]["mass_factor"]}
