@@ -241,24 +241,20 @@ def test_the_command_shows_the_run_and_stays_until_interrupted(opened, tmp_path)
 
 
 @pytest.mark.usefixtures("interruptible")
-def test_the_command_is_interrupted_while_it_runs(browser):
+def test_the_command_is_interrupted_while_it_runs(opened):
     process, url = _started("--live", "--duration", 60)
-    page = browser.new_page()
     try:
-        page.goto(url)
-        page.evaluate("window.mobman.ready")
-        page.evaluate("() => { mobman.app.render = () => {}; }")
-        page.wait_for_function("mobman.app.time > 0.1", timeout=60_000)
-        process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=20)
-        assert process.returncode == 130
-        assert error.strip() == "mobman: interrupted"
-        # what had come is still there
-        page.wait_for_function("!mobman.app.live")
-        assert "interrupted" in page.inner_text("#info")
-        assert page.evaluate("document.getElementById('time').disabled") is False
+        with opened(url, left=True) as page:
+            page.wait_for_function("mobman.time() > 0.1", timeout=60_000)
+            process.send_signal(signal.SIGINT)
+            _, error = process.communicate(timeout=20)
+            assert process.returncode == 130
+            assert error.strip() == "mobman: interrupted"
+            # what had come is still there
+            page.wait_for_function("!mobman.live()")
+            assert "interrupted" in page.inner_text("#info")
+            assert page.evaluate("document.getElementById('time').disabled") is False
     finally:
-        page.close()
         process.kill()
         process.wait()
 

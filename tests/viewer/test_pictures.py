@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import closing
 
 import imageio_ffmpeg
 import numpy as np
@@ -22,6 +23,7 @@ def view():
 
 
 @pytest.mark.usefixtures("browser")
+@pytest.mark.slow  # the film's frames are such pictures, and the transparent one is a file
 def test_picture(view, tmp_path):
     with Image.open(view.save(tmp_path / "picture.png", size=SMALL, time=0.1)) as image:
         assert image.size == SMALL
@@ -67,6 +69,12 @@ def test_mp4(view, tmp_path):
     )
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(file))
     assert count == 4
+    with closing(imageio_ffmpeg.read_frames(str(file))) as frames:
+        width, height = next(frames)["size"]
+        pixels = np.frombuffer(next(frames), dtype=np.uint8).reshape(height, width, 3).astype(float)
+    assert pixels.std() > 10.0
+    r, g, b = pixels.reshape(-1, 3).T
+    assert np.mean((r > 1.4 * g) & (g > 1.4 * b)) > 0.01, "the youBot is orange"
     assert seconds == pytest.approx(0.8, abs=0.05)
     assert shares[-1] == 1.0
     assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]

@@ -20,18 +20,26 @@ def address(tmp_path_factory):
     return write_report(folder, results_of(runs, name="made up")).html.as_uri()
 
 
-@pytest.fixture
-def page(browser, address):
-    """The page, wide; nothing may be asked of the network, nor an error be reported."""
-    page = browser.new_page(viewport={"width": 1200, "height": 900})
+@pytest.fixture(scope="module")
+def shown(browser, address):
+    """The page, and what was reported: nothing may be asked of the network, nor an error be told."""
+    page = browser.new_page()
     wrong = []
     page.on("console", lambda message: message.type == "error" and wrong.append(message.text))
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("request", lambda asked: asked.url == address or wrong.append(asked.url[:99]))
     page.goto(address)
+    yield page, wrong
+    page.close()
+
+
+@pytest.fixture
+def page(shown):
+    """The page, wide."""
+    page, wrong = shown
+    page.set_viewport_size({"width": 1200, "height": 900})
     yield page
     assert wrong == []
-    page.close()
 
 
 def test_every_chart_is_drawn_when_it_comes_into_sight(page):

@@ -51,7 +51,7 @@ def page(runs, opened, tmp_path_factory):
     failed.status, failed.message = "diverged", "at 0.1 s"
     shown = [failed, *(mm.simulate("youbot", law, "circle", duration=0.05) for law in laws)]
     file = tmp_path_factory.mktemp("themes") / "runs.html"
-    with opened(mm.view(shown, html=file).url, draws=True) as page:
+    with opened(mm.view(shown, html=file).url) as page:
         page.click("#fold")
         page.evaluate("mobman.setTime(1)")
         yield page
@@ -68,17 +68,18 @@ def test_texts_can_be_read(page, theme, kind):
     assert [text for text in texts if text[1] < 11.0 or text[2] < 4.5] == []
 
 
-def test_the_scene_is_dark_where_the_system_is(page):
-    def brightness():
+def test_the_scene_is_dark_where_the_system_is(opened, tmp_path):
+    def brightness(page):
         page.wait_for_function("!mobman.app.stage.viewer.needs_render")
         with Image.open(io.BytesIO(page.screenshot())) as image:
             return np.median(np.asarray(image.convert("L")))
 
-    page.emulate_media(color_scheme="dark")
-    page.evaluate("mobman.setTheme('')")
-    assert brightness() < 60.0
-    page.emulate_media(color_scheme="light")
-    assert brightness() > 200.0
-    page.emulate_media(color_scheme="dark")
-    page.evaluate("mobman.setTheme('light')")
-    assert brightness() > 200.0, "the choice comes before the system's"
+    with opened(mm.view("youbot", html=tmp_path / "robot.html").url, draws=True) as page:
+        page.emulate_media(color_scheme="dark")
+        page.evaluate("mobman.setTheme('')")
+        assert brightness(page) < 60.0
+        page.emulate_media(color_scheme="light")
+        assert brightness(page) > 200.0
+        page.emulate_media(color_scheme="dark")
+        page.evaluate("mobman.setTheme('light')")
+        assert brightness(page) > 200.0, "the choice comes before the system's"
