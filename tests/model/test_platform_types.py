@@ -242,6 +242,23 @@ def test_an_axle_in_between_is_steered_around_where_none_is_fixed():
         assert np.abs(contacts(robot, q, z)).max() < 1e-12 * np.abs(robot.velocity_map(q) @ z).max()
 
 
+def test_several_axles_steer_the_platform_round_a_circle():
+    """With the coupling that `mobman robots add` writes; without one nothing asks for a curvature."""
+    content = on("multi-axle")
+    content["criterion"] |= {
+        "heading": 1e-9,
+        "weights": {"travel_curvature": 1e-3},
+        "couplings": [
+            {"joint": "travel_curvature", "to": "shoulder_pan_joint", "ratio": 1.8, "weight": 0.05}
+        ],
+    }
+    robot = mm.load_robot(content)
+    record = mm.simulate(robot, "tsm", "circle", duration=20.0, dt=4e-3)
+    assert record.ok
+    assert np.linalg.norm(record.task_error[-500:], axis=1).max() < 1e-8
+    assert abs(record.q[-1, robot.joint_names.index("base_theta")]) > 2.0 * np.pi
+
+
 @pytest.mark.parametrize(
     ("body", "own", "words"),
     [

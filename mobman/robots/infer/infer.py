@@ -225,7 +225,7 @@ def _couplings(tree: Tree, drive: Drive, arm: Arm, rest: Mapping[str, Inferred])
 
     Their weight is for runs that last. Where the arm goes round the default circle of area A while a
     car drives to and fro, steering by the share c of the arm's yaw turns it by c A / (reach wheelbase) a
-    lap, and c is small. An arm whose reach is less than the circle's radius cannot: the car goes round.
+    lap, and c is small. An arm that would turn by more than 45 degrees for it cannot: the car goes round.
     Where the curvature of the path itself steers, it is the yaw over the reach: the platform goes round.
     """
     if not drive.steering:
@@ -245,7 +245,7 @@ def _couplings(tree: Tree, drive: Drive, arm: Arm, rest: Mapping[str, Inferred])
             turning, ratio = {TRAVEL_JOINTS[1]: 1.0}, float(f"{ratio / reach:.2g}")
         else:
             share = _MOST_STEERED
-            if reach > _CIRCLE:
+            if reach > math.sqrt(2.0) * _CIRCLE:
                 share = min(share, _TURN_A_LAP * reach * wheelbase / (math.pi * _CIRCLE**2))
             weight = float(f"{weight * share / (1.0 - share):.2g}")
         return [

@@ -75,7 +75,7 @@ _COUPLINGS = (
     "A steering angle does not move the tip at once, and so nothing else here asks for one: it would "
     "rest for ever. With these the platform steers to where the arm turns: so little that the laps of "
     "the default circle do not turn it out of reach, or, where the arm is too short to go round that "
-    "circle, so much that the platform does."
+    "circle alone, so much that the platform does."
 )
 
 

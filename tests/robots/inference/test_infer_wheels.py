@@ -523,6 +523,14 @@ def test_an_arm_whose_yaw_axis_points_down(inferred, rpy, ratio):
     assert [(one.to, one.ratio) for one in found.couplings] == [("arm_1_joint", ratio)] * 2
 
 
+@pytest.mark.parametrize(("length", "alone"), [(0.2, False), (0.5, False), (0.6, True)])
+def test_an_arm_that_would_turn_far_leaves_the_circle_to_the_car(inferred, length, alone):
+    """The share of its yaw that is steered: half, or little if the arm goes round within 45 degrees."""
+    found = inferred(car().arm(tip="tool0", length=length))
+    assert all((one.weight < 0.01 * 0.05) == alone for one in found.couplings)
+    assert all((one.weight == 0.05) == (not alone) for one in found.couplings)
+
+
 @pytest.mark.parametrize(
     ("build", "like"),
     [
