@@ -63,12 +63,14 @@ format: $(VENV)/installed-test ## let ruff format the code
 claims: $(VENV)/installed ## renew the numbers of README and docs that runs produced; fails if one drifted
 	$(BIN)/python docs/claims.py $(OPTIONS)
 
+define write_table
+	$(BIN)/mobman bench run $(1) -o $(RESULTS)/$(basename $(notdir $(1)))
+	$(BIN)/python docs/table.py $(RESULTS)/$(basename $(notdir $(1))) docs/suites.md
+
+endef
+
 table: $(VENV)/installed-test ## every law in what robots meet: run the suites table and table-tuned (an hour), write them into docs/suites.md
-	@set -e; for suite in $(TABLE); do \
-		out=$(RESULTS)/$$(basename $$suite .toml); \
-		$(BIN)/mobman bench run $$suite -o $$out; \
-		$(BIN)/python docs/table.py $$out docs/suites.md; \
-	done
+	$(foreach suite,$(TABLE),$(call write_table,$(suite)))
 
 pictures: bench $(VENV)/installed-film ## draw the pictures of README and docs; this needs a browser
 	$(BIN)/python docs/pictures.py $(OPTIONS) $(OUT) $(IMAGES)
