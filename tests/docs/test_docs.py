@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import re
 import subprocess
 import sys
@@ -15,7 +16,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from support.forked import SHORT_RUNS, forks_of
 
 import mobman as mm
 from mobman.benchmark.runner import run_suite
@@ -212,6 +212,9 @@ def _small_results(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def forks():
+    # not at the top: this file is a script, too, which does not find it
+    from support.forked import SHORT_RUNS, forks_of
+
     with forks_of(
         *("h5py", "pandas", "scipy.optimize", "scipy.stats", "xarray"),
         *("mobman.simulation.simulate", "mobman.viewer.view"),
@@ -310,6 +313,16 @@ def test_links_lead_somewhere(page):
         assert there.exists(), f"{page.name}: {target}"
         if anchor:
             assert anchor in _anchors(there), f"{page.name}: {target}"
+
+
+def test_this_file_is_a_script_that_needs_no_path():
+    """As CONTRIBUTING has it."""
+    here = {"cwd": Path(__file__).parent, "capture_output": True, "text": True}
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run(
+        [sys.executable, "-c", "import test_docs"], env=environment, check=False, **here
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def write_tables() -> None:

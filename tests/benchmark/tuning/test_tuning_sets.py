@@ -129,6 +129,11 @@ def test_what_is_not_reported_is_not_refused(tuning):
 
 
 def test_own_scenarios_can_be_named_with_others():
-    runs, _ = runs_of(with_tuning(definitions={}, scenarios=["nominal", "tuning-lighter"], seeds=[9]))
+    runs, _ = runs_of(
+        with_tuning(definitions={}, scenarios=["nominal", "tuning-lighter"], seeds=[9])
+    )
     told = {run.scenario["name"]: run.scenario.get("mass_factor", 1.0) for run in runs["one"]}
-    assert told == {"nominal": 1.0, "tuning-lighter": own_scenarios()["tuning-lighter"]["mass_factor"]}
+    assert told == {
+        "nominal": 1.0,
+        "tuning-lighter": own_scenarios()["tuning-lighter"]["mass_factor"],
+    }
