@@ -225,7 +225,7 @@ def _couplings(tree: Tree, drive: Drive, arm: Arm, rest: Mapping[str, Inferred])
 
     Their weight is for runs that last. Where the arm goes round the default circle of area A while a
     car drives to and fro, steering by the share c of the arm's yaw turns it by c A / (reach wheelbase) a
-    lap, and c is small. An arm that would turn by more than 45 degrees for it cannot: the car goes round.
+    lap, and c is small. An arm that would turn by more than 45 degrees cannot: the car goes round.
     Where the curvature of the path itself steers, it is the yaw over the reach: the platform goes round.
     """
     if not drive.steering:
