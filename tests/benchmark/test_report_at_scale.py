@@ -307,12 +307,36 @@ def test_a_suite_of_many_cells_is_whole_in_its_tables_and_selected_in_its_figure
 
 
 def test_cells_in_between_are_all_drawn_small(tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "_BUDGET", 5 * report._WHOLE)
+    monkeypatch.setattr(report, "_BUDGET", 10_000)
     runs = made_up_runs({"good": 1e-8, "poor": 1e-2}, [f"s{i}" for i in range(6)])
     written = write_report(tmp_path, results_of(runs))
     html = written.html.read_text(encoding="utf-8")
     for what in ("task error", "auxiliary error", "torque"):
         assert html.count(f'aria-label="Norm of the {what} against time') == 6
+
+
+def test_figures_of_all_cells_keep_to_their_bytes(tmp_path, monkeypatch):
+    """Also where nothing can be left out of a curve, as of noise."""
+    random = np.random.default_rng(0)
+
+    def noisy():
+        n = 600
+        torque = random.standard_normal((n, 8))
+        return made_up_record(
+            n,
+            torque=torque,
+            task_error=random.random((n, 3)),
+            velocity_names=[f"v{i}" for i in range(8)],
+        )
+
+    runs = made_up_runs({"good": 1e-8, "poor": 1e-2}, [f"s{i}" for i in range(8)])
+    runs = [{**run, "load": noisy} for run in runs]
+    sizes = []
+    for budget in (report._BUDGET, 300_000):
+        monkeypatch.setattr(report, "_BUDGET", budget)
+        written = write_report(tmp_path / str(budget), results_of(runs))
+        sizes.append(written.html.stat().st_size)
+    assert sizes[0] > sizes[1] + 300_000
 
 
 def test_cells_can_be_asked_for_by_name(tmp_path):

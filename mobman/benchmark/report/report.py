@@ -21,7 +21,7 @@ from mobman.simulation.metrics import STEADY, list_metrics
 
 _FIGURES = "figures"
 _BUDGET = 8_000_000  # bytes of all cells' figures
-_WHOLE = 100_000  # bytes that the figures of a cell take if they are drawn in full
+_FULL = 400, 250  # columns of errors and of torques of a cell that is drawn in full
 _MOST_OVERVIEWS = 6  # groups with a figure each
 _MOST_METRICS = 40_000  # entries of all tables of metrics
 _MOST_REPLAYS = 300  # rows
@@ -207,16 +207,24 @@ def _drawn(
 ) -> list[charts.CellFigures]:
     """Draw cells one after the other: in full, or small where they are many."""
     wanted = list(dict.fromkeys([*([] if paper is None else [paper]), *cells]))
-    whole, left, found = len(wanted) * _WHOLE <= _BUDGET, float(_BUDGET), []
+    left, whole, found = float(_BUDGET), 0, []
     for done, cell in enumerate(wanted):
         share = left / (len(wanted) - done)
-        full = whole or cell == paper
-        columns = 400 if full else int(min(max(share / 400.0, 24), 200))
-        drawn = charts.cell_figures(results, cell, looks, columns, 250 if full else 0)
-        figures = [*drawn.figures, *drawn.more]
-        left -= sum(len(files.json_text(c)) for figure in figures for c in figure.charts)
+        columns = int(min(max(share / 400.0, 24), 200))
+        full = cell == paper or share >= whole
+        drawn = charts.cell_figures(results, cell, looks, *(_FULL if full else (columns, 0)))
+        # the first one tells what the others will take
+        if full and cell != paper and (whole := max(whole, _size(drawn))) > share:
+            drawn = charts.cell_figures(results, cell, looks, columns, 0)
+        left -= _size(drawn)
         found.append(drawn)
     return found
+
+
+def _size(drawn: charts.CellFigures) -> int:
+    """Characters of what draws a cell in the page."""
+    figures = [*drawn.figures, *drawn.more]
+    return sum(len(files.json_text(chart)) for figure in figures for chart in figure.charts)
 
 
 def _metrics_tables(results: Results, drawn: Sequence[int]) -> dict[int, tables.Table]:
