@@ -52,6 +52,9 @@ def _bare(chart: Any) -> Spec:
 def _filled(spec: Spec, title: str, **data: Sequence[Mapping[str, Any]]) -> Spec:
     spec = copy.deepcopy(spec)
     spec["description"] = printable(title)
+    if "layer" in spec:  # one of its own data is left out where there is none
+        named = ((layer, layer.get("data", {}).get("name")) for layer in spec["layer"])
+        spec["layer"] = [layer for layer, name in named if name is None or data.get(name)]
     for part in (spec, *spec.get("layer", ())):
         name = part.get("data", {}).get("name")
         if name is not None:
