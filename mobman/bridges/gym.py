@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import operator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -68,15 +69,23 @@ class TrackingEnv(gymnasium.Env[Array, Any]):
         duration: float = 10.0,
         dt: float = 0.01,
         task_options: dict[str, Any] | None = None,
-        numbers: Sequence[int] = (0,),
+        numbers: Iterable[int] = (0,),
         render_mode: None = None,
     ) -> None:
+        if render_mode is not None:
+            message = f"render_mode = {render_mode!r}: allowed: None; mobman.view shows records"
+            raise UsageError(message)
         self.render_mode = render_mode
         self._robot = robot if isinstance(robot, MobileManipulator) else load_robot(robot)
         self._scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-        self._task, self._options, self._numbers = task, task_options, list(numbers)
-        if not all(isinstance(number, int) and number >= 0 for number in self._numbers or [-1]):
-            raise UsageError(f"numbers = {numbers!r}: expected whole numbers from 0 on")
+        self._task, self._options = task, task_options
+        try:
+            given = list(numbers)
+            self._numbers = [operator.index(number) for number in given]
+        except TypeError:
+            given = self._numbers = []
+        if any(isinstance(number, bool) for number in given) or min(self._numbers, default=-1) < 0:
+            raise UsageError(f"numbers = {numbers!r}: expected a list of whole numbers from 0 on")
         self._dt = seconds("dt", dt)
         self._ticks = whole_ticks(seconds("duration", duration), self._dt)
         self._placed: dict[int, Placement] = {}
@@ -108,7 +117,7 @@ class TrackingEnv(gymnasium.Env[Array, Any]):
         """Hold an action for ``dt``; see the class. UsageError if it is no such vector."""
         if not 0 <= self._tick < self._ticks:
             raise UsageError("no episode is under way; call reset first")
-        self._action = action
+        self._action = self._law.checked(action)  # a refused one does not end the episode
         terminated = self._go_on()
         info, over = self._info(), self._tick == self._ticks
         e = info["task_error"]

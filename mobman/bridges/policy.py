@@ -43,25 +43,30 @@ class PolicyController:
     'ok'
 
     Args:
-        policy: Called with the observation, gives the action; of a tuple the first part, as
-            stable-baselines3's ``predict`` has it.
+        policy: Called with the observation, gives the action, or a pair of it and anything, as
+            stable-baselines3's ``predict``.
         actions: What the actions are.
 
     Attributes:
         names: Names of the entries of an observation, once it is reset; ``low`` and ``high`` are their
             bounds, infinite where there is none.
         scale: What an action of 1 stands for, shape (nz,).
+        uses: Information of the observation and, with ``"acceleration"``, of the torque
+            (:data:`mobman.controllers.protocol.INFORMATION`); a subclass that uses more sets its own.
 
     Raises:
         UsageError: If there are no such actions.
     """
 
     name = "policy"
+    uses: tuple[str, ...] = ("M", "bias", "limits")
 
     def __init__(self, policy: Callable[[Array], Any], actions: Actions = "acceleration") -> None:
         if actions not in ("acceleration", "torque"):
             raise UsageError(f"actions = {actions!r}: allowed: acceleration, torque")
         self.policy, self.actions = policy, actions
+        if actions == "torque" and type(self).uses is PolicyController.uses:
+            self.uses = ("limits",)
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """See :class:`mobman.Controller`."""
@@ -99,19 +104,29 @@ class PolicyController:
         seen = np.concatenate([e, rate, q, z, inside, slower])
         return np.asarray(np.clip(seen, self.low, self.high))
 
+    def checked(self, action: Any) -> Array:
+        """The action as an array, shape (nz,).
+
+        Raises:
+            UsageError: If it is not nz finite real numbers.
+        """
+        nz = self._robot.nz
+        try:
+            values = np.asarray(action)
+        except (TypeError, ValueError):
+            values = np.zeros(0)
+        real = values.dtype.kind in "iuf" and not np.ma.is_masked(action)
+        if values.shape != (nz,) or not real or not np.isfinite(values).all():
+            raise UsageError(f"action = {action!r}: needed: {nz} finite numbers, from -1 to 1")
+        return values.astype(float)
+
     def torque(self, action: Any, q: Array, z: Array) -> Array:
         """The torque (N m, N) of an action at the measured state, shape (nz,).
 
         Raises:
-            UsageError: If it is not nz finite numbers.
+            UsageError: As :meth:`checked`.
         """
-        nz = self._robot.nz
-        try:
-            values = np.asarray(action, dtype=float)
-        except (TypeError, ValueError):
-            values = np.zeros(0)
-        if values.shape != (nz,) or not np.isfinite(values).all():
-            raise UsageError(f"action = {action!r}: needed: {nz} finite numbers, from -1 to 1")
+        values = self.checked(action)
         command = np.asarray(self.scale * np.clip(values, -1.0, 1.0))
         if self.actions == "torque":
             return command
@@ -121,4 +136,7 @@ class PolicyController:
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """See :class:`mobman.Controller`."""
         action = self.policy(self.observe(t, q, z))
-        return self.torque(action[0] if isinstance(action, tuple) else action, q, z)
+        pair = isinstance(action, tuple) and len(action) == 2
+        if pair and np.shape(action[0]) == (self._robot.nz,):
+            action = action[0]
+        return self.torque(action, q, z)

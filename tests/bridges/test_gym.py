@@ -165,12 +165,61 @@ def test_a_run_that_diverges_terminates_and_earns_nothing_more():
         env.step(np.ones(10))
 
 
-@pytest.mark.parametrize("action", [np.ones(4), np.full(5, np.nan), "left", None])
-def test_an_action_that_is_none_is_refused(action):
-    env = TrackingEnv("youbot")
+REFUSED = [
+    np.ones(4),
+    np.full(5, np.nan),
+    [0.0, 0.0, np.inf, 0.0, 0.0],
+    np.full(5, 1j),
+    np.ma.masked_equal([0.0, 1.0, 0.0, 0.0, 0.0], 1.0),
+    [True] * 5,
+    ["0"] * 5,
+    (np.zeros(5), None),
+    "left",
+    None,
+]
+
+
+def test_a_refused_action_leaves_the_episode_as_it_was():
+    env, same = TrackingEnv("youbot", duration=0.05), TrackingEnv("youbot", duration=0.05)
     env.reset(seed=0)
-    with pytest.raises(mm.MobmanError, match="needed: 5 finite numbers"):
-        env.step(action)
+    same.reset(seed=0)
+    for action in REFUSED:
+        with pytest.raises(mm.MobmanError, match="needed: 5 finite numbers"):
+            env.step(action)
+    for last in (False, False, False, False, True):
+        # a tuple is an action like another
+        seen, reward, terminated, truncated, info = env.step((0.5,) * 5)
+        expected, reward_of_same, *_ = same.step(np.full(5, 0.5))
+        assert np.array_equal(seen, expected)
+        assert reward == reward_of_same > 0.0
+        assert (terminated, truncated, info["status"]) == (False, last, "ok")
+
+
+def test_a_policy_may_return_a_tuple_of_numbers_or_a_pair():
+    robot = mm.load_robot("youbot")
+    torques = []
+    for action in (np.full(5, 0.5), (0.5,) * 5, (np.full(5, 0.5), None)):
+        law = PolicyController(lambda _, action=action: action)
+        law.reset(robot, mm.make_task("circle", robot), DT)
+        torques.append(law.step(0.0, robot.q_rest, np.zeros(5), np.zeros(5)))
+    assert np.array_equal(torques[0], torques[1])
+    assert np.array_equal(torques[0], torques[2])
+
+
+def test_what_a_policy_uses():
+    assert set(PolicyController(policy).uses) == {"M", "bias", "limits"}
+    assert set(PolicyController(policy, "torque").uses) == {"limits"}
+
+    class More(PolicyController):
+        uses = ("preview",)
+
+    assert More(policy, "torque").uses == ("preview",)
+
+
+def test_numbers_of_placements_may_be_of_numpy():
+    env = TrackingEnv("youbot", duration=0.05, numbers=np.arange(1000, 1002))
+    _, info = env.reset(seed=0)
+    assert info["placement"] in (1000, 1001)
 
 
 @pytest.mark.parametrize(
@@ -178,6 +227,10 @@ def test_an_action_that_is_none_is_refused(action):
     [
         ({"numbers": []}, "numbers"),
         ({"numbers": [-1]}, "numbers"),
+        ({"numbers": 3}, "numbers = 3: expected a list"),
+        ({"numbers": [0.5]}, "numbers"),
+        ({"numbers": [True]}, "numbers"),
+        ({"render_mode": "human"}, "render_mode = 'human': allowed: None"),
         ({"actions": "force"}, "acceleration, torque"),
         ({"duration": -1.0}, "duration"),
         ({"robot": "yuobot"}, "did you mean 'youbot'"),
