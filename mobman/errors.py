@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import sysconfig
+import traceback
 from collections.abc import Iterable, Sequence
+from importlib import metadata
 
 FOREIGN_ERRORS = (Exception, SystemExit)
 """Exceptions of code that is not mobman's: a plugin or a user's class may call ``sys.exit``."""
@@ -83,3 +86,24 @@ class SingularityError(MobmanError):
 
 class RecordError(MobmanError):
     """A result file that cannot be read or written."""
+
+
+def told_of_foreign(error: BaseException) -> str:
+    """An error that a user's file or a plugin raised, itself or in a library that it calls, with
+    its class, file and line; empty if none of these was under way, so that it is mobman's own."""
+    plugins = {
+        point.module.partition(".")[0]
+        for package in metadata.distributions()
+        for point in package.entry_points
+        if point.group.startswith("mobman.")
+    }
+    libraries = tuple({sysconfig.get_path(key) for key in ("stdlib", "purelib", "platlib")})
+    within, place = False, ""
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        root = str(frame.f_globals.get("__name__")).partition(".")[0]
+        file, name = frame.f_code.co_filename, frame.f_code.co_name
+        if root == "mobman":
+            within = True  # what called mobman has no part in it
+        elif within and (root in plugins or not file.startswith((*libraries, "<"))):
+            place = f"{file}, line {line}, in {name}"
+    return f"error in {place}: {type(error).__name__}: {error}" if place else ""

@@ -225,6 +225,8 @@ def simulated_run(
     )
     if run.placement:
         record.spec["placement"] = run.placement
+    if given:
+        record.spec["task_given"] = given
     return record
 
 

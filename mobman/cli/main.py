@@ -23,7 +23,7 @@ from mobman.cli.output import echo, note
 from mobman.cli.robots import robots
 from mobman.cli.run import rerun, run
 from mobman.cli.view import export, view
-from mobman.errors import MobmanError, SpecError
+from mobman.errors import MobmanError, SpecError, told_of_foreign
 from mobman.version import __version__
 
 _LONGEST = 4000  # characters of a message
@@ -84,7 +84,8 @@ def main() -> None:
     except BaseException as error:  # a plugin may raise anything, also SystemExit
         if level(context) > 0 or os.environ.get("MOBMAN_DEBUG"):
             traceback.print_exc()
-        _fail(1, f"internal error: {type(error).__name__}: {error} (-v prints the traceback)")
+        internal = f"internal error: {type(error).__name__}: {error}"
+        _fail(1, f"{told_of_foreign(error) or internal} (-v prints the traceback)")
 
 
 def _complete(instruction: str) -> int:

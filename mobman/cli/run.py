@@ -131,6 +131,8 @@ def run(
         title = f"{model.name} · {task} · {scenario.name} · {controller}"
         with progress_bar(title) as progress:
             record = simulate(model, law, aim, scenario=scenario, progress=progress, **settings)
+        if given["task_option"]:
+            record.spec["task_given"] = given["task_option"]
         saved = None if output is None else record.save(output)
         tell(record, model, saved, as_json=as_json, everything=given["everything"])
         if watched is not None:
@@ -260,10 +262,12 @@ _ROBOT = (
     "code."
 )
 _LAW = (
-    "Python code of a law that is not registered: called without arguments, gives the controller."
+    "Python code of a law that is not registered: a class with Gains, which gets the record's, or what "
+    "gives the controller when it is called."
 )
 _TASK = (
-    "Python code of a task that is not registered: called with the robot and q0, gives the task."
+    "Python code of a task that is not registered: called with the robot, q0 and the record's "
+    "parameters, gives the task."
 )
 
 
@@ -334,7 +338,7 @@ def _own(robot: str | None, controller: str | None, task: str | None) -> Own:
 
     law = None if controller is None else _code(controller, "--controller")
     try:
-        law = None if law is None else law()
+        law = law if law is None or isinstance(law, type) else law()
     except FOREIGN_ERRORS as error:
         message = f"calling {controller} failed: {error!r}"
         raise BadParameter(message, param_hint="--controller") from error

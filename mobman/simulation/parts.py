@@ -24,7 +24,7 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.controllers.gains import as_settings
-from mobman.controllers.protocol import Controller, controllers
+from mobman.controllers.protocol import Controller, controllers, make_controller
 from mobman.errors import MobmanError, RecordError, UnknownNameError
 from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -105,11 +105,11 @@ def describe_run(
 @contextlib.contextmanager
 def refused(problem: str, remedy: str = "") -> Iterator[None]:
     """Errors within the block as a :class:`RecordError` that says what cannot be done, and, where
-    a name is not registered, what else can."""
+    a name or a class is not known here, what else can."""
     try:
         yield
     except (NotPlainError, MobmanError, TypeError) as error:
-        more = remedy if isinstance(error, UnknownNameError) else ""
+        more = remedy if isinstance(error, (UnknownNameError, NotPlainError)) else ""
         raise RecordError(f"{problem}: {error}{more}") from error
 
 
@@ -216,16 +216,17 @@ def _law_of(given: Controller | str, controller: Controller) -> tuple[str, dict[
     law = type(controller)
     what = f"its controller is an object of the class {law.__name__}, which"
     name = given if isinstance(given, str) else _registered_name(law, controller)
-    if not name:
-        return "", {}, f"{what} is not registered"
+    unknown = "" if name else f"{what} is not registered"
     if not hasattr(law, "Gains"):
         lost = False
         with contextlib.suppress(TypeError, ValueError):  # classes of other languages: no signature
             lost = not isinstance(given, str) and bool(inspect.signature(law).parameters)
-        return name, {}, f"{what} takes parameters but declares no Gains" if lost else ""
+        reason = f"{what} takes parameters but declares no Gains" if lost else ""
+        return name, {}, unknown or reason
     gains = getattr(controller, "gains", None)
     if not isinstance(gains, law.Gains):
-        return name, {}, f"its controller, a {law.__name__}, does not say its gains"
+        reason = f"its controller, a {law.__name__}, does not say its gains"
+        return name, {}, unknown or reason
     problem = f"the gains of its controller, a {law.__name__}, are more than numbers"
     given_settings = as_settings(gains)
     # as the law reports them after the run, so that later defaults change nothing
@@ -234,10 +235,33 @@ def _law_of(given: Controller | str, controller: Controller) -> tuple[str, dict[
         try:
             same = _through_json(settings) == settings == as_settings(law.Gains(**settings))
             if same and settings.keys() == given_settings.keys():
-                return name, settings, ""
+                return name, settings, unknown
         except (MobmanError, TypeError, ValueError) as error:
             problem += f": {error}" if settings is given_settings else ""
-    return name, {}, problem
+    return name, {}, unknown or problem
+
+
+def controller_of(run: RunSpec, own: Controller | type[Any] | None = None) -> Controller:
+    """The controller of a run, by the name of its law, or ``own``, of which a class is made from its
+    ``Gains``; both with the run's gains.
+
+    Raises:
+        RecordError: If the file does not have the gains of the class.
+        MobmanError, TypeError: If it cannot be made.
+    """
+    if own is None:
+        return make_controller(run.law, **run.gains)
+    if not isinstance(own, type):
+        return own
+    made: Controller
+    if not hasattr(own, "Gains"):
+        made = own()
+    elif run.gains or not dataclasses.fields(own.Gains):
+        made = own(own.Gains(**run.gains))
+    else:
+        what = f"give a function that makes the {own.__name__} in place of the class"
+        raise RecordError(f"the file does not have its gains; {what}")
+    return made
 
 
 def _registered_name(law: type[Any], controller: Controller) -> str:
@@ -297,6 +321,25 @@ def task_of(run: RunSpec, robot: MobileManipulator, q0: Array) -> Task:
         return make_task(run.task_name, robot, q0, **run.task_given)
     task: Task = from_plain(run.task_object, _package_of(run.task_name))
     return task
+
+
+def require_same_task(task: Task, run: RunSpec) -> None:
+    """
+    Raises:
+        RecordError: If a task, a dataclass as the run's, has other values in its fields.
+    """
+    was, now = run.task_parameters, task_parameters(task)
+    for name in [name for name in was if name in now and name != "type"]:
+        try:
+            pair = np.asarray(was[name], dtype=float), np.asarray(now[name], dtype=float)
+            same = np.allclose(*pair, rtol=_ROUNDING, atol=_ROUNDING, equal_nan=True)
+        except (TypeError, ValueError):  # text, or another number of entries
+            same = np.array_equal(was[name], now[name])
+        if not same:
+            raise RecordError(
+                f"the task that is given has {name} = {now[name]!r}, that of the run "
+                f"{was[name]!r}; give a function of the robot and q0 that makes the latter"
+            )
 
 
 # Dataclasses as plain values that JSON holds, and back: to the last bit, or not at all -----------

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.protocol import Controller, make_controller
-from mobman.errors import MobmanError, RecordError
+from mobman.controllers.protocol import Controller
+from mobman.errors import MobmanError, RecordError, told_of_foreign
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.provenance import COMPUTING
 from mobman.robots.catalogue import find_spec, list_robots
@@ -49,10 +49,12 @@ class Own:
 
     robot: MobileManipulator | None = None
     """The robot, for one whose platform is Python code."""
-    controller: Controller | None = None
-    """The controller, for one whose law is not registered."""
-    make_task: Callable[[MobileManipulator, Array], Task] | None = None
-    """Factory of the task from the robot and q0, for one that is not registered."""
+    controller: Controller | type[Any] | None = None
+    """The controller, for one whose law is not registered, or its class, which is made from its
+    ``Gains`` with the values of the record."""
+    make_task: Callable[..., Task] | None = None
+    """Factory of the task from the robot, q0 and the record's parameters, for one that is not
+    registered."""
 
 
 @dataclass(frozen=True)
@@ -178,10 +180,9 @@ def _repeated(record: Record, path: Path, own: Own, progress: Progress | None) -
     except MobmanError as error:
         raise RecordError(f"{path} cannot be repeated: {error}") from error
     except Exception as error:  # what is in the file may be anything
-        raise RecordError(
-            f"{path} cannot be repeated: what it says of the run is not whole "
-            f"({' '.join(repr(error).split())})"
-        ) from error
+        not_whole = f"what it says of the run is not whole ({' '.join(repr(error).split())})"
+        problem = told_of_foreign(error) or not_whole
+        raise RecordError(f"{path} cannot be repeated: {problem}") from error
     again.spec, again.urdf = record.spec, record.urdf
     return again
 
@@ -226,13 +227,18 @@ def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | No
         raise RecordError("; ".join(reasons))
     scenario = parts.scenario_of(run.scenario)
     with parts.refused("its controller cannot be made", _GIVEN.format("controller", "controller")):
-        given = own.controller
-        controller = make_controller(run.law, **run.gains) if given is None else given
+        controller = parts.controller_of(run, own.controller)
     robot = parts.robot_of(run.description, urdf) if own.robot is None else own.robot
     parts.require_same(robot, run, "robot")
     q0 = robot.checked_configuration(np.array(run.q0))
     with parts.refused("its task cannot be made", _GIVEN.format("task", "make_task")):
-        task = own.make_task(robot, q0) if own.make_task else parts.task_of(run, robot, q0)
+        task = (
+            own.make_task(robot, q0, **run.task_given)
+            if own.make_task
+            else parts.task_of(run, robot, q0)
+        )
+        if own.make_task:
+            parts.require_same_task(task, run)
     plant = parts.plant_of(run, urdf, robot)
     setting = Setting(robot, run.dt, np.random.default_rng(run.seed))
     parts.require_same(true_plant(setting, plant, scenario), run, "plant")

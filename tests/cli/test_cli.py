@@ -230,6 +230,34 @@ def stay(robot, q0, above: float = 0.0):
 """
 
 
+BROKEN = """
+
+class Broken(Push):
+    def reset(self, robot, task, dt):
+        self.space  # line 36
+
+class Odd(Push):
+    def step(self, t, q, z, z_dot):
+        return np.linalg.solve(np.eye(3), np.ones(4))  # line 40
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "place"),
+    [("Broken", "line 36, in reset: AttributeError"), ("Odd", "line 40, in step: ValueError")],
+)
+def test_an_error_of_ones_own_file_is_told_with_its_line(tmp_path, monkeypatch, law, place):
+    """Also where a library raises it that the file calls."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(controllers, "_items", dict(controllers._items))
+    (tmp_path / "mine.py").write_text(OWN + BROKEN, encoding="utf-8")
+    done = mobman("run", "youbot", "--controller", f"mine.py:{law}", "--duration", "0.01")
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"mobman: error in {tmp_path / 'mine.py'}, {place}: ")
+    assert done.stderr.endswith("(-v prints the traceback)\n")
+    assert done.stderr.count("\n") == 1
+
+
 def test_a_law_and_a_task_of_ones_own_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(controllers, "_items", dict(controllers._items))
@@ -243,6 +271,11 @@ def test_a_law_and_a_task_of_ones_own_file(tmp_path, monkeypatch):
     record = mm.load_record("run.h5")
     assert (record.controller, record.torque[3].tolist()) == ("push", [0.5] * 5)
     assert record.task_error[0] == pytest.approx([0.0, 0.0, -0.1])
+    done = mobman("rerun", "run.h5", "--verify", *task)
+    assert "--controller FILE.py:NAME" in done.stderr
+    done = mobman("rerun", "run.h5", "--verify", *law, *task)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "identical, bit for bit" in done.stdout
     for wrong, reason in {"mine.py:Pull": "Pull", "none.py:Push": "none.py"}.items():
         done = mobman("run", "youbot", "--controller", wrong)
         assert done.returncode != 0

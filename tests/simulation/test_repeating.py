@@ -21,7 +21,7 @@ from mobman.controllers.protocol import controllers
 from mobman.errors import RecordError
 from mobman.robots import catalogue
 from mobman.simulation.inertias import true_robot
-from mobman.simulation.rerun import repeat, verify
+from mobman.simulation.rerun import Own, repeat, verify
 from mobman.tasks.circle import Circle
 from mobman.tasks.task import tasks
 
@@ -271,6 +271,32 @@ def test_law_that_is_not_registered_here(registered, tmp_path):
     refusal = _refused(path)
     assert "its controller cannot be made: unknown controller 'damping'" in refusal
     assert "--controller FILE.py:NAME" in refusal
+
+
+def test_class_that_is_given_gets_the_gains_of_the_record(tmp_path):
+    path = _saved(tmp_path, "youbot", Stiffness(Stiffness.Gains(k=0.3)), "circle")
+    assert "the class Stiffness, which is not registered" in _refused(path)
+    assert verify(path, own=Own(controller=Stiffness), tolerance=0.0).identical
+
+
+def test_class_that_is_given_without_gains_in_the_record(tmp_path):
+    path = _saved(tmp_path, "youbot", Stiffness(Stiffness.Gains(1.0, (1.0, object()))), "circle")
+    with pytest.raises(mm.MobmanError, match="does not have its gains; give a function"):
+        repeat(path, own=Own(controller=Stiffness))
+
+
+def test_task_that_is_given_with_other_fields(tmp_path):
+    def smaller(robot, q0):
+        return mm.make_task("circle", robot, q0, radius=0.2)
+
+    def same(robot, q0):
+        return mm.make_task("circle", robot, q0, radius=0.3)
+
+    task = mm.make_task("circle", "youbot", radius=0.3)
+    path = _saved(tmp_path, "youbot", "pseudo-inverse", task)
+    with pytest.raises(mm.MobmanError, match=r"centre = .*0\.2,.* that of the run .*0\.3,"):
+        repeat(path, own=Own(make_task=smaller))
+    assert verify(path, own=Own(make_task=same), tolerance=0.0).identical
 
 
 def test_object_of_a_class_that_is_not_registered(tmp_path):
