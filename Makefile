@@ -64,7 +64,7 @@ claims: $(VENV)/installed ## renew the numbers of README and docs that runs prod
 	$(BIN)/python docs/claims.py $(OPTIONS)
 
 define write_table
-	$(BIN)/mobman bench run $(1) -o $(RESULTS)/$(basename $(notdir $(1)))
+	$(BIN)/mobman bench run $(1) --redo-changed -o $(RESULTS)/$(basename $(notdir $(1)))
 	$(BIN)/python docs/table.py $(RESULTS)/$(basename $(notdir $(1))) docs/suites.md
 
 endef

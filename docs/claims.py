@@ -151,12 +151,14 @@ def blocks() -> list[tuple[Path, str]]:
 
 
 def alike(one: str, other: str) -> bool:
-    """True for rows with the same words, whose numbers have not drifted."""
+    """True for rows with the same words and counts, whose other numbers have not drifted."""
     if NUMBER.sub("#", one) != NUMBER.sub("#", other):
         return False
-    pairs = zip(NUMBER.findall(one), NUMBER.findall(other), strict=True)
-    values = [(max(float(a), ROUNDING), max(float(b), ROUNDING)) for a, b in pairs]
-    return all(a <= DRIFT * b and b <= DRIFT * a for a, b in values)
+    for a, b in zip(NUMBER.findall(one), NUMBER.findall(other), strict=True):
+        large, small = sorted((max(float(a), ROUNDING), max(float(b), ROUNDING)), reverse=True)
+        if large > (1.0 if a.isdigit() and b.isdigit() else DRIFT) * small:
+            return False
+    return True
 
 
 def renew_block(page: Path, command: str) -> list[str]:
@@ -187,10 +189,12 @@ def renew_block(page: Path, command: str) -> list[str]:
 
 def main(words: list[str]) -> int:
     """Renew claims and tables, or those whose page, claim or command has a word; the exit status."""
-    drifted = 0
+    drifted = looked_at = 0
     for claim in claims():
-        if words and not any(word in f"{claim.page} {claim.claim}" for word in words):
+        name = f"{claim.page} {claim.claim} {claim.command}"
+        if words and not any(word in name for word in words):
             continue
+        looked_at += 1
         if not claim.stands():
             print(f"{claim.page}: {claim.text.replace('{}', claim.value)!r} is not there, or twice")
             drifted += 1
@@ -207,9 +211,15 @@ def main(words: list[str]) -> int:
         name = f"{page.relative_to(DOCS.parent)}: {command}"
         if words and not any(word in name for word in words):
             continue
+        looked_at += 1
         rows = renew_block(page, command)
         drifted += len(rows)
         print("\n".join([f"{name}: {len(rows)} rows DRIFTED" if rows else f"{name}: holds", *rows]))
+    if not looked_at:
+        print(
+            f"no claim and no table has {' or '.join(map(repr, words))} in its page, name or command"
+        )
+        return 2
     print(f"{drifted} drifted" if drifted else "all hold")
     return 1 if drifted else 0
 
@@ -228,6 +238,6 @@ def renew(claim: Claim, value: str, table: Path = TABLE) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument(
-        "words", nargs="*", help="only claims and tables whose page or name has one"
+        "words", nargs="*", help="only claims and tables whose page, name or command has one"
     )
     sys.exit(main(parser.parse_args().words))

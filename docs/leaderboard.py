@@ -29,7 +29,7 @@ def results_of(name: str, fields: dict[str, object]) -> Path:
     content = mm.load_suite(name).model_dump(mode="json", by_alias=True, exclude_unset=True)
     content |= {**fields, "name": "-".join([name, *map(str, fields.values())])}
     folder = ROOT / "results" / "claims" / content["name"]
-    mm.run_suite(Suite.model_validate(content), folder, report=False)
+    mm.run_suite(Suite.model_validate(content), folder, redo_changed=True, report=False)
     return folder
 
 

@@ -17,28 +17,31 @@ import numpy as np
 import pandas as pd
 
 import mobman as mm
-from mobman.controllers.protocol import controllers
+from mobman.controllers.protocol import information_of
 
+CELL = ["robot", "task", "placement", "scenario", "dt"]
 HELD = 1e-4  # m: a cell is solved where the steady error stays below it
 
 
 def cell(runs: pd.DataFrame) -> str:
-    """Median of the steady errors (m), runs that end early counting as infinite, and how many hold."""
-    error = runs["task_error_max"].where(runs["status"] == "ok", np.inf).fillna(np.inf)
+    """Median of the steady errors (m), runs that end early counting as infinite, and how many hold; of
+    several seeds the worst counts."""
+    every = runs["task_error_max"].where(runs["status"] == "ok", np.inf).fillna(np.inf)
+    error = every.groupby([runs[name] for name in CELL]).max()
     median = float(np.median(error))
     text = f"{median:.1e}".replace("e-0", "e-") if np.isfinite(median) else "–"
     return f"{text} ({int((error < HELD).sum())})"
 
 
-def table(frame: pd.DataFrame) -> str:
-    """The table as Markdown, in the order of the suite."""
+def table(frame: pd.DataFrame, gains: dict[str, dict[str, object]]) -> str:
+    """The table as Markdown, in the order of the suite; gains by label."""
     scenarios = list(dict.fromkeys(frame["scenario"]))
-    cells = frame.groupby(["robot", "task", "placement", "scenario", "dt"]).ngroups
+    cells = frame.groupby(CELL).ngroups
     count = cells // len(scenarios)
     heads = ["controller", "uses", *(f"`{name}`" for name in scenarios)]
     lines = [heads, ["---"] * len(heads)]
     for label, runs in frame.groupby("controller", sort=False):
-        uses = ", ".join(controllers.get(runs["law"].iloc[0]).uses)
+        uses = ", ".join(information_of(runs["law"].iloc[0], gains[label]) or ["not said"])
         found = [cell(runs[runs["scenario"] == name]) for name in scenarios]
         lines.append([f"`{label}`", uses, *found])
     rows = "\n".join("| " + " | ".join(line) + " |" for line in lines)
@@ -57,6 +60,7 @@ def main() -> None:
     except (mm.MobmanError, OSError) as error:
         sys.exit(f"table.py: {error}")
     suite = kept["suite"]["name"]
+    gains = {label: one.get("gains", {}) for label, one in kept["suite"]["controllers"].items()}
     if missing := int((frame["status"] == "pending").sum()):
         sys.exit(f"table.py: {missing} of {len(frame)} runs of {options.results} are not done yet")
     text = options.page.read_text(encoding="utf-8")
@@ -64,7 +68,7 @@ def main() -> None:
     if not marks.search(text):
         sys.exit(f"table.py: {options.page} has no <!-- results: {suite} --> ... <!-- end -->")
     options.page.write_text(
-        marks.sub(lambda found: found[1] + table(frame) + found[2], text), encoding="utf-8"
+        marks.sub(lambda found: found[1] + table(frame, gains) + found[2], text), encoding="utf-8"
     )
 
 

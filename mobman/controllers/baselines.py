@@ -188,13 +188,20 @@ def least_norm_acceleration(
     damped: Matrix,
 ) -> int:
     """z' = j_e^T (j_e j_e^T + mu^2 I)^-1 wanted + (I - j_e^+ j_e) descent, with
-    j_e^+ = j_e^T (j_e j_e^T)^-1; wanted is overwritten, the last three are work space."""
+    j_e^+ = j_e^T (j_e j_e^T)^-1, damped where j_e is singular; wanted is overwritten, the last three are
+    work space."""
     gram(J, exact)
     gram(J, damped)
     for i in range(wanted.shape[0]):
         damped[i, i] += mu**2
-    if cholesky(damped, damped) != 0 or cholesky(exact, exact) != 0 or not well_posed(exact):
+    if cholesky(damped, damped) != 0:
         return Stop.NO_ACCELERATION
+    if cholesky(exact, exact) != 0 or not well_posed(exact):
+        if mu == 0.0:
+            return Stop.NO_ACCELERATION
+        for i in range(wanted.shape[0]):
+            for j in range(wanted.shape[0]):
+                exact[i, j] = damped[i, j]
     cholesky_solve(damped, wanted, wanted)
     apply_transpose(J, wanted, z_dot)
     # descent = -k_0 C^T dF/dq - k_d z, and what the task must not see of it
@@ -221,7 +228,8 @@ class DampedGains(RedundancyGains):
 class DampedLeastSquares(PseudoInverse):
     """Law ``pseudo-inverse`` with j_e^T (j_e j_e^T + mu^2 I)^-1 in the place of j_e^+ for the task
     (Nakamura and Hanafusa; Wampler): bounded at singularities, inexact everywhere else. The
-    null-space projector keeps the exact j_e^+, since a damped one leaks the descent into the task."""
+    damping is constant, Nakamura and Hanafusa's grows near singularities. The null-space projector keeps
+    the exact j_e^+ but at a singularity, since a damped one leaks the descent into the task."""
 
     name = "damped-least-squares"
     Gains = DampedGains

@@ -9,13 +9,9 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.baselines import (
-    ExtendedJacobianControl,
-    TrackingGains,
-    computed_torque,
-    workspace,
-)
+from mobman.controllers.baselines import TrackingGains, computed_torque, workspace
 from mobman.controllers.gains import Positive, gain
+from mobman.controllers.integral_action import StillAtLimits
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import Entry
 from mobman.linalg import dot
@@ -30,7 +26,7 @@ class ObserverGains(TrackingGains):
 
 
 @controllers.register("disturbance-observer")
-class DisturbanceObserver(ExtendedJacobianControl):
+class DisturbanceObserver(StillAtLimits):
     r"""Law ``extended-jacobian``, less the estimate of what the nominal model does not explain:
 
     .. math:: B v = M \dot z_d + Pz + G + \hat D, \quad
@@ -38,7 +34,8 @@ class DisturbanceObserver(ExtendedJacobianControl):
 
     :math:`\hat D` is D of (17) behind a first-order low pass, here a wrong model included. Over a tick
     :math:`M\dot z` is the difference of z, so no acceleration is measured; with the exact step response
-    of the low pass the observer is stable at every ``dt``.
+    of the low pass the observer is stable at every ``dt``. A tick in which a torque was beyond a limit
+    that acts tells it nothing.
 
     K. Ohnishi, M. Shibata, T. Murakami, "Motion control for advanced mechatronics", IEEE/ASME
     Transactions on Mechatronics 1(1), 1996; W.-H. Chen, D. J. Ballance, P. J. Gawthrop, J. O'Reilly, "A
@@ -53,12 +50,16 @@ class DisturbanceObserver(ExtendedJacobianControl):
     def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
         share = -math.expm1(-float(self.gains.K_O) * self._dt)
         self.D, with_D, last_z_dot = np.zeros((3, len(v)))
-        last_z = np.full(len(v), math.nan)
+        self._state = np.full(len(v), math.nan)  # the last z
         given = (now.M, now.bias, now.z, z_dot, share, self._dt)
         return sequence(
-            bind(observe, *given, last_z, last_z_dot, self.D, with_D),
+            bind(observe, *given, self._state, last_z_dot, self.D, with_D),
             bind(computed_torque, now.M, with_D, now.B, z_dot, v, *workspace(len(v))),
         )
+
+    def stand_still(self, before: Array) -> None:
+        """Take the next tick for the first: the torque of this one is not known."""
+        self._state[:] = math.nan
 
     def signals(self) -> dict[str, Array]:
         """The estimate of D (N m, N), shape (nz,)."""

@@ -38,8 +38,33 @@ class IntegralGains(TrackingGains):
     )
 
 
+class StillAtLimits(LimitedMotors, ExtendedJacobianControl):
+    """Base of laws with a state of their own, which stands still while a torque is beyond a limit that
+    acts, so that it does not wind up."""
+
+    uses = ("M", "bias", "J'", "limits")
+    _state: Array
+
+    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
+        """Start again with an empty state."""
+        self._limits = np.full(robot.nz, np.inf) if self._acting is None else self._acting
+        super().reset(robot, task, dt)
+
+    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
+        """The torque for the tick, shape (nz,); see :class:`Controller`."""
+        before = self._state.copy()
+        v = super().step(t, q, z, z_dot)
+        if (np.abs(v) > self._limits).any():
+            self.stand_still(before)
+        return v
+
+    def stand_still(self, before: Array) -> None:
+        """Forget what the state learned in a tick whose torque does not act: what it was before."""
+        self._state[:] = before
+
+
 @controllers.register("computed-torque-integral")
-class ComputedTorqueIntegral(LimitedMotors, ExtendedJacobianControl):
+class ComputedTorqueIntegral(StillAtLimits):
     r"""Law ``extended-jacobian`` with the integral of the error, and computed torque:
 
     .. math:: \dot z = J^{-1}(\ddot p_d - K_v \dot e - K_p e - K_i \int e\,dt - \dot J z),
@@ -48,29 +73,15 @@ class ComputedTorqueIntegral(LimitedMotors, ExtendedJacobianControl):
     F. L. Lewis, D. M. Dawson, C. T. Abdallah, "Robot Manipulator Control: Theory and Practice",
     Marcel Dekker 2004, section 4.4 (PID outer loop).
 
-    The integral stands still while a torque is beyond a limit that acts, so that it does not wind up.
+    The integral stands still while a torque is beyond a limit that acts.
     """
 
     name = "computed-torque-integral"
     Gains = IntegralGains
-    uses = ("M", "bias", "J'", "limits")
-
-    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start again with an empty integral."""
-        self._limits = np.full(robot.nz, np.inf) if self._acting is None else self._acting
-        super().reset(robot, task, dt)
-
-    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
-        """The torque for the tick, shape (nz,); see :class:`Controller`."""
-        before = self._integral.copy()
-        v = super().step(t, q, z, z_dot)
-        if (np.abs(v) > self._limits).any():
-            self._integral[:] = before
-        return v
 
     def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
-        self._integral = np.zeros(space.p)
-        given = (*self.numbers("K_p", "K_v", "K_i"), self._dt, self._integral, wanted)
+        self._state = np.zeros(space.p)
+        given = (*self.numbers("K_p", "K_v", "K_i"), self._dt, self._state, wanted)
         return bind(integral_acceleration, space.tracking, *given)
 
 

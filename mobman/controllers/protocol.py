@@ -151,16 +151,21 @@ def make_controller(name: str, **gains: Any) -> Controller:
     return made
 
 
-def information_of(name: str) -> tuple[str, ...] | None:
+def information_of(name: str, gains: Mapping[str, Any] | None = None) -> tuple[str, ...] | None:
     """The information that a controller uses, in the order of :data:`INFORMATION`.
 
     Args:
         name: A controller's; no package is loaded for it.
+        gains: Those that are not the default; a law with the method ``uses_with`` says what it uses with
+            them.
 
     Returns:
         None if it is not known here, or does not say.
     """
-    uses = getattr(controllers.loaded().get(name), "uses", None)
+    law: Any = controllers.loaded().get(name)
+    uses = getattr(law, "uses", None)
+    if gains and hasattr(law, "uses_with"):
+        uses = law.uses_with(gains)
     if not isinstance(uses, (tuple, list, set, frozenset)):
         return None
     return tuple(item for item in INFORMATION if item in uses)

@@ -15,6 +15,7 @@ from mobman.compiled import bind, kernel
 from mobman.controllers.baselines import ExtendedJacobianControl
 from mobman.controllers.criterion_gains import CriterionGains
 from mobman.controllers.gains import Auto, Positive, bound, gain
+from mobman.controllers.integral_action import StillAtLimits
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import TaskSpace, Tracking, desired, error, error_rate
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -108,7 +109,7 @@ class TwistingGains(SlidingSurfaceGains):
 
 
 @controllers.register("super-twisting")
-class SuperTwisting(ExtendedJacobianControl):
+class SuperTwisting(StillAtLimits):
     r"""The super-twisting algorithm, by component, on :math:`\sigma = \dot e + \Lambda e`:
 
     .. math:: \dot z = J^{-1}(\ddot p_d - \Lambda \dot e + u - \dot J z),
@@ -117,6 +118,8 @@ class SuperTwisting(ExtendedJacobianControl):
 
     with :math:`k_1 = 1.5\sqrt L`, :math:`k_2 = 1.1 L`: :math:`\sigma` and its rate are 0 after a finite
     time if the unknown acceleration of the task changes by less than L in a second.
+
+    While a torque is beyond a limit that acts, w stands still; Levant lets it fall, w' = -u.
 
     The root is sampled in its implicit Euler form, which does not chatter, and the sign in w' is a ramp
     of the width :math:`4 k_2 dt^2`. Without the ramp w is a tick behind, with the poles of the sampled
@@ -133,8 +136,9 @@ class SuperTwisting(ExtendedJacobianControl):
     Gains: Any = TwistingGains
 
     def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
+        self._state = np.zeros(space.p)
         numbers = (*self.numbers("Lambda", "L"), self._dt)
-        return bind(twisting_acceleration, space.tracking, *numbers, np.zeros(space.p), wanted)
+        return bind(twisting_acceleration, space.tracking, *numbers, self._state, wanted)
 
 
 @kernel

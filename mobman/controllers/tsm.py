@@ -9,7 +9,7 @@ advances the integrals of both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from typing import Annotated, Any, Literal, NamedTuple
@@ -407,6 +407,12 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
     def __init__(self, gains: CascadeGains) -> None:
         self.gains = gains
         self._settings: dict[str, Any] = as_settings(gains)
+        self.uses = self.uses_with(self._settings)
+
+    @classmethod
+    def uses_with(cls, gains: Mapping[str, Any]) -> tuple[str, ...]:
+        """What it uses with some gains: the hedge the limits, too."""
+        return cls.uses + ("limits",) * (gains.get("saturation") == "hedge")
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again with v = 0, v_ref = 0 and empty integrals; "auto" bounds are found here.

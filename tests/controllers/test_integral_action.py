@@ -79,7 +79,7 @@ def test_nothing_winds_up_at_limits_that_act(law, youbot):
         controller.reset(youbot, task, 0.01)
         for tick in range(100):
             torque = controller.step(0.01 * tick, q, none, none)
-        integrals.append(np.abs(controller._integral).max())
+        integrals.append(np.abs(controller._state).max())
         torques.append(np.abs(torque).max())
     assert integrals[0] < 0.1 < 0.9 < integrals[1]
     if law == "time-delay":

@@ -91,3 +91,30 @@ def test_limits_that_are_given_come_first(youbot):
 def test_limits_that_are_none_are_refused(wrong):
     with pytest.raises(GainError, match=r"torque_limits = .*: must be numbers from 1e-30 to"):
         mm.make_controller("tsm", torque_limits=wrong)
+
+
+@pytest.mark.parametrize(
+    "law", ["computed-torque-integral", "super-twisting", "disturbance-observer"]
+)
+def test_a_law_learns_nothing_from_a_torque_that_does_not_act(law, youbot):
+    """One tick beyond the limits leaves its state as it was, and so the torque after it."""
+    task = mm.make_task("circle", youbot)
+    q, z = youbot.q_rest.copy(), np.zeros(youbot.nz)
+    moved, still = q + 0.3, np.zeros(youbot.nz)
+    torques = {}
+    for ticks in (1, 60):
+        for limit in (1e-3, np.inf):
+            controller = mm.make_controller(law)
+            controller.limit_motors(np.full(youbot.nz, limit))
+            controller.reset(youbot, task, 1e-3)
+            for _ in range(ticks):
+                controller.step(0.0, moved, z, still)
+            torques[ticks, limit] = controller.step(0.0, q, z, still)
+    assert np.allclose(torques[1, 1e-3], torques[60, 1e-3], rtol=1e-12)
+    assert not np.allclose(torques[1, np.inf], torques[60, np.inf], rtol=1e-3)
+
+
+def test_twisting_at_the_limits_comes_back():
+    """Where w would wind up while the arm waits for its motors."""
+    record = mm.simulate("jackal_z1", "super-twisting", "circle", scenario="real-limits", dt=2e-3)
+    assert np.linalg.norm(record.task_error[record.t > 8.0], axis=1).max() < 1e-6

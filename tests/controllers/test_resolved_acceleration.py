@@ -10,6 +10,7 @@ from support.task_errors import errors_at
 import mobman as mm
 from mobman.controllers.baselines import computed_torque
 from mobman.controllers.task_errors import TaskSpace
+from mobman.errors import SingularityError
 from mobman.model.criterion import Posture
 from mobman.simulation.plant import Plant
 
@@ -115,3 +116,24 @@ def test_damping_bounds_the_acceleration_at_a_singularity(youbot):
     )
     assert exact > 1e4
     assert damped < 1e3
+
+
+LINK = """<link name="l{i}"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{i}" type="revolute"><parent link="{parent}"/><child link="l{i}"/><origin xyz="{x} 0 0"/>
+<axis xyz="{axis}"/><limit lower="-3" upper="3" effort="100" velocity="5"/></joint>"""
+
+
+def test_damping_gives_an_acceleration_at_a_singularity(tmp_path):
+    """A yaw and two pitches, stretched out: the pseudo-inverse refuses it."""
+    links = [("base", 0.0, "0 0 1"), ("l0", 0.0, "0 1 0"), ("l1", 0.3, "0 1 0")]
+    parts = [LINK.format(i=i, parent=p, x=x, axis=axis) for i, (p, x, axis) in enumerate(links)]
+    tip = """<link name="tip"/><joint name="fixed" type="fixed"><parent link="l2"/><child link="tip"/>
+    <origin xyz="0.3 0 0"/></joint>"""
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(f'<robot name="arm"><link name="base"/>{"".join(parts)}{tip}</robot>')
+    robot = mm.load_robot(urdf, platform="fixed")
+    q, z = np.array([0.0, 0.7, 0.0]), np.zeros(3)
+    with pytest.raises(SingularityError):
+        _acceleration(robot, "pseudo-inverse", q, z)
+    assert np.isfinite(_acceleration(robot, "damped-least-squares", q, z)).all()

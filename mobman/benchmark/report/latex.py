@@ -48,8 +48,9 @@ _PAPERS = {
     "|v|²": r"$\lVert v\rVert^2$",
 }
 _EXPONENT = re.compile(r"(?<![\w.])(-?[0-9.]+)e(-?[0-9]+)\b")
-_RANGE = re.compile(r"(-?[0-9.]+(?:e-?[0-9]+)?) to (-?[0-9.]+(?:e-?[0-9]+)?)")
-_MOST_NAMES = 4  # groups of a caption
+_NUMBER = r"([-−]?[0-9]+(?:\.[0-9]+)?(?:e-?[0-9]+)?)"
+_ALONE = re.compile(rf"{_NUMBER}(?: to {_NUMBER})?( %)?")
+_MOST_NAMES = 6  # groups of a caption
 _PREAMBLE = r"""% For LaTeX, in this folder; figures have their size.
 \documentclass[twocolumn]{article}
 \usepackage[T1]{fontenc}
@@ -112,10 +113,12 @@ def latex_table(table: Table, winners: bool = True) -> str:
 
 
 def escape(text: str) -> str:
-    """Text for LaTeX, with the paper's symbols, and numbers with powers of ten and their ranges as
-    siunitx's."""
-    if between := _RANGE.fullmatch(text):
-        return rf"\numrange{{{between[1]}}}{{{between[2]}}}"
+    """Text for LaTeX, with the paper's symbols; numbers by themselves, ranges of them, and those with
+    powers of ten as siunitx's."""
+    if alone := _ALONE.fullmatch(text):
+        first, last = (number and number.replace("−", "-") for number in alone.group(1, 2))
+        found = rf"\num{{{first}}}" if last is None else rf"\numrange{{{first}}}{{{last}}}"
+        return found + r"\,\%" * bool(alone[3])
     symbols = "(" + "|".join(map(re.escape, _PAPERS)) + ")"
     parts = re.split(symbols, printable(" ".join(text.split())))
     return "".join(_PAPERS.get(part) or _powers(part.translate(_SYMBOLS)) for part in parts)
@@ -144,6 +147,7 @@ def _content(
     found: dict[str, Table | None] = {
         "leaderboard": tables.leaderboard_table(board) if len(board.cells) else None,
         "families": tables.families_table(board, results) if board.families else None,
+        "information": tables.information_table(results, board) if board.compares else None,
         "comparisons": tables.pairs_table(board.pairs) if board.pairs else None,
         "tuned": tables.tuned_table(results, board) if board.compares else None,
     }

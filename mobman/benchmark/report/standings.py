@@ -175,15 +175,17 @@ def clusters(results: Results, cells: pd.Index) -> list[str]:
 
 
 def _twins(results: Results, labels: Sequence[str], cells: pd.Index) -> dict[str, list[str]]:
-    """Labels of the twin by a label of tsm: its errors are the same in all cells, to 10 % or to
-    rounding; tuned ones stay by themselves."""
+    """Labels of the twin by a label of tsm: its errors are the same to 10 % in the median over cells, to
+    a factor of two or rounding in each; tuned ones stay by themselves."""
     laws = results.runs.drop_duplicates("label").set_index("label").law
     errors = results.errors.loc[cells].clip(lower=ROUNDING)
     found: dict[str, list[str]] = {}
     for twin in labels if len(cells) else ():
         for label in labels if laws[twin] == _TWINS[1] and twin not in results.tuned else ():
             a, b = errors[label], errors[twin]
-            same = ((a == b) | ((a - b).abs() <= 0.1 * a)).all()
+            # the larger by the smaller; both infinite where both end early
+            factor = (np.maximum(a, b) / np.minimum(a, b)).mask(a == b, 1.0)
+            same = factor.max() <= 2.0 and factor.median() <= 1.1
             if laws[label] == _TWINS[0] and label not in results.tuned and same:
                 found.setdefault(label, []).append(twin)
                 break

@@ -154,17 +154,19 @@ def _named(standing: Standing) -> Entry:
 
 def _error(standing: Standing, others: Iterable[Standing], digits: int = 3) -> Entry:
     """Make the entry of a mean error: the best if all others are settled to be worse."""
-    rivals = [other for other in others if other.ranks is not None]
-    best = len(rivals) > 1 and [s for s in rivals if s.ranks and s.ranks[0] == 1] == [standing]
+    rivals = [other.ranks for other in others if other.ranks and other is not standing]
+    own = standing.ranks
+    best = own is not None and bool(rivals) and all(own[1] < ranks[0] for ranks in rivals)
     return _marked(number(standing.error.estimate, digits), "best", best)
 
 
 def information_table(results: Results, board: Board) -> Table:
     """Show what each controller uses, those that use the same together, the best of each marked."""
-    laws = results.runs.drop_duplicates("label").set_index("label").law
+    runs = results.runs.drop_duplicates("label").set_index("label")
     groups: dict[tuple[str, ...] | None, list[Standing]] = {}
     for s in board.standings:
-        groups.setdefault(information_of(str(laws[s.label])), []).append(s)
+        run = runs.loc[s.label]
+        groups.setdefault(information_of(str(run.law), run.settings), []).append(s)
     rows: list[list[Entry | str]] = []
     for uses, members in groups.items():
         what = "not said" if uses is None else ", ".join(uses) or "none of these"
