@@ -11,7 +11,7 @@ import mobman as mm
 from mobman.errors import SpecError
 from mobman.model.build import load_geometry
 from mobman.robots.urdf.meshes import MeshReference, absolute_meshes, mesh_paths
-from mobman.robots.urdf.read import UrdfFile
+from mobman.robots.urdf.read import UrdfFile, share_folders
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -65,6 +65,21 @@ def test_every_mesh_gets_its_absolute_path(tmp_path):
     absolute_meshes(robot, source)
     assert [element.get("filename") for element in robot.iter("mesh")] == [str(mesh)] * 4
     assert {element.get("scale") for element in robot.iter("mesh")} == {"1 1 1"}
+
+
+def test_meshes_of_an_installed_data_package(tmp_path):
+    """Of a URDF that was copied out of it, which names them as it does there."""
+    share = next(folder for folder in share_folders() if (folder / "example-robot-data").is_dir())
+    robots = share / "example-robot-data" / "robots"
+    original = robots / "tiago_description" / "robots" / "tiago_no_hand.urdf"
+    copy = tmp_path / "copy.urdf"
+    copy.write_bytes(original.read_bytes())
+    source = UrdfFile(copy, ())
+    found = located(source)
+    assert len(found) > 10
+    assert all(path.is_relative_to(robots.resolve()) for path in found)
+    inside = UrdfFile(copy, (), within=(tmp_path,))  # as the URDF of a record
+    assert located(inside) == found
 
 
 def test_each_mesh_is_told_with_its_link_and_use(tmp_path):

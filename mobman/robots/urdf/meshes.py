@@ -27,7 +27,7 @@ import numpy as np
 from mobman.arrays import Array, Index
 from mobman.errors import MobmanError, SpecError
 from mobman.isolation import helper, limits
-from mobman.robots.urdf.read import UrdfFile, text_of
+from mobman.robots.urdf.read import UrdfFile, share_folders, text_of
 from mobman.robots.urdf.validate import listed
 
 FORMATS = (".stl", ".dae", ".obj", ".ply", ".off", ".gltf", ".glb")
@@ -116,15 +116,15 @@ class MeshFinder:
 
     A package NAME is a folder of that name, or one whose ``package.xml`` says so. It is looked for in
     the folders that the description gives, the folders above the URDF, those of ``ROS_PACKAGE_PATH``
-    (and the folders in these), and ``share`` of those of ``AMENT_PREFIX_PATH``, in this order; each of
-    these folders may be the package itself.
+    (and the folders in these), ``share`` of those of ``AMENT_PREFIX_PATH``, and that of installed data
+    packages (example-robot-data), in this order; each of these folders may be the package itself.
     """
 
     def __init__(self, urdf: UrdfFile) -> None:
-        ros = _ros_folders()
-        self.folders = list(dict.fromkeys([*urdf.package_folders, *urdf.path.parents, *ros]))
+        installed = [*_ros_folders(), *share_folders()]
+        self.folders = list(dict.fromkeys([*urdf.package_folders, *urdf.path.parents, *installed]))
         self._beside = urdf.path.parent
-        self._within = None if urdf.within is None else (*urdf.within, *ros)
+        self._within = None if urdf.within is None else (*urdf.within, *installed)
 
     def locate(self, name: str) -> tuple[Path | None, str]:
         """The file of a mesh, or why there is none that can be used."""

@@ -59,7 +59,7 @@ class UrdfFile:
     kept: bytes | None = field(default=None, repr=False)
     """Its content, where that is not read from disk: a run's record keeps it."""
     within: tuple[Path, ...] | None = None
-    """The folders that its meshes must lie in, apart from those of ROS; None for any."""
+    """The folders that its meshes must lie in, apart from installed packages; None for any."""
     up: str = "z"  # the axis of its root link that points up, such as "y"
 
     @cached_property
@@ -195,8 +195,8 @@ def _resolved(path: Path, field: str) -> Path:
         raise SpecError(f"{field}: {str(path)!r} is not the path of a file: {error}") from error
 
 
-def _share_folder(field: str, package: str) -> Path:
-    """The ``share`` folder of a data package that ships no Python module."""
+def share_folders() -> list[Path]:
+    """The ``share`` folders of data packages that ship no Python module, as example-robot-data."""
     import pinocchio
 
     # .../cmeel.prefix/lib/pythonX.Y/site-packages/pinocchio/__init__.py
@@ -204,7 +204,11 @@ def _share_folder(field: str, package: str) -> Path:
         Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix",
         Path(pinocchio.__file__).parents[4],
     )
-    candidates = [prefix / "share" for prefix in prefixes]
+    return list(dict.fromkeys(prefix / "share" for prefix in prefixes))
+
+
+def _share_folder(field: str, package: str) -> Path:
+    candidates = share_folders()
     for share in candidates:
         if (share / package).is_dir():
             return share
