@@ -1,4 +1,4 @@
-"""A law of one's own in twenty lines, beside a baseline: any object with `reset` and `step` is one."""
+"""A custom law in twenty lines, beside a baseline: any object with `reset` and `step` is one."""
 
 import numpy as np
 

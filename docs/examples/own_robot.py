@@ -1,4 +1,4 @@
-"""A robot of one's own without a file: a platform by its numbers, with an arm's URDF on its deck."""
+"""A custom robot without a file: a platform by its numbers, with an arm's URDF on its deck."""
 
 import mobman as mm
 

@@ -1,4 +1,4 @@
-"""A task of one's own, from side to side: any object with `desired` is one."""
+"""A custom task, from side to side: any object with `desired` is one."""
 
 import numpy as np
 
