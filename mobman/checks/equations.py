@@ -9,7 +9,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
 from mobman.errors import SingularityError
-from mobman.model.build import assemble
+from mobman.model.build import assemble, not_coupled
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.task_map import TaskMap
@@ -93,6 +93,8 @@ def _rolling(subject: Subject) -> Iterator[Remark]:
 
 # Joints that follow others -----------------------------------------------------------------------------
 
+_COUPLED = 10  # states
+
 
 @check("following", "joints that follow others (<mimic>) move with them, or are held off the way")
 def following(subject: Subject) -> Iterator[Remark]:
@@ -117,11 +119,20 @@ def following(subject: Subject) -> Iterator[Remark]:
             f"the tip loses the motion of {some(map(repr, cut))}: held, though <mimic> moves it",
             f"remove it, and what it follows, from field 'urdf.lock' of {subject.name}",
         )
+    states = [q for q, _ in subject.states(_COUPLED)]
+    apart = (fault for q in states for fault in not_coupled(robot, assembly.following, q))
+    if fault := next(apart, None):
+        yield wrong(
+            fault,
+            f"choose another 'platform.type' of {subject.name}, or remove <mimic> in the URDF where "
+            "each has a motor of its own",
+        )
     said = [
-        f"{one.joint!r} follows {one.of!r} at {one.ratio:g} of its rate" for one in robot.followers
+        f"{one.joint!r} follows {one.of!r} at {one.ratio:g} of its rate"
+        for one in assembly.following
     ]
     said += [f"{some(map(repr, held))} held"] if held else []
-    yield all_ok("; ".join(said) or "the platform's own equations tell how they follow")
+    yield all_ok("; ".join(said))
 
 
 # Criterion ---------------------------------------------------------------------------------------------

@@ -30,6 +30,8 @@ from mobman.robots.urdf.validate import too_large
 
 _FOLLOWING = 1e-9  # weight of coordinates that others determine: next to none
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
+_NEAR = 0.5  # rad or m from rest: states at which a platform's rates are compared with <mimic>
+_DIGITS = 1e-3  # of a rate: what a URDF's ratio may be rounded to
 
 
 def load_robot(
@@ -103,6 +105,7 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
         followers=followers,
     )
     _make_rest_consistent(robot)
+    _check_couplings(robot, assembly)
     _check(robot)
     given, base = spec.criterion, platform.base_joints
     if base and given.heading is None and base[-1] not in given.weights:
@@ -237,16 +240,71 @@ def _followed(
 
 
 def _followers(spec: RobotSpec, assembly: Assembly, platform: Platform) -> list[Follower]:
-    """The joints that follow one of the arm; those of the platform follow by its own equations."""
+    """The joints that follow one of the arm; those of the platform follow by its own equations, see
+    :func:`_check_couplings`."""
     own = set(platform.coordinates)
-    found = [one for one in assembly.following if one.joint not in own]
-    for one in found:
-        if one.of in own:
+    for one in assembly.following:
+        if one.of in own and one.joint not in own:
             raise SpecError(
                 f"{spec.where}: joint {one.joint!r} follows {one.of!r} of the platform (<mimic>), which "
                 "is not modelled; lock it in field 'urdf.lock' (or that of the mount)"
             )
-    return found
+        if one.joint in own and one.of not in own:
+            raise SpecError(
+                f"{spec.where}: joint {one.joint!r} of the platform follows {one.of!r}, which is none "
+                "of its joints (<mimic>): no platform type has that; remove <mimic> if it has a motor "
+                "of its own, or name other joints in [platform]"
+            )
+    return [one for one in assembly.following if one.joint not in own]
+
+
+def not_coupled(robot: MobileManipulator, following: Iterable[Follower], at: Array) -> list[str]:
+    """Sentences about joints of the platform whose rates are not those that ``<mimic>`` asks for.
+
+    Args:
+        robot: The robot.
+        following: Joints that follow another one, by its URDF.
+        at: A consistent state q, shape (nq,).
+    """
+    rates, said = robot.velocity_map(at), list[str]()
+    own, rolling = set(robot.platform.coordinates), {w.joint for w in robot.platform.wheels}
+    for one in (one for one in following if one.joint in own and one.of in own):
+        i, j = robot.joint_names.index(one.joint), robot.joint_names.index(one.of)
+        law = f"joint {one.joint!r} follows {one.of!r} at {one.ratio:g} of its rate (<mimic>)"
+        size = max(float(np.abs(rates[[i, j]]).max()), np.finfo(float).tiny)
+        gap = np.abs(rates[i] - one.ratio * rates[j])
+        column = int(np.argmax(gap))
+        if gap[column] > _DIGITS * size:
+            said.append(
+                f"{law}, but on a {robot.spec.platform.type} platform {robot.velocity_names[column]} "
+                f"moves them at {rates[i, column]:.4g} and {rates[j, column]:.4g}"
+            )
+        elif one.joint not in rolling and abs(at[i] - one.ratio * at[j] - one.offset) > _DIGITS:
+            said.append(
+                f"{law} from {one.offset:g} on, but on a {robot.spec.platform.type} platform it is at "
+                f"{at[i]:.4g} where that is at {at[j]:.4g}"
+            )
+    return said
+
+
+def _check_couplings(robot: MobileManipulator, assembly: Assembly) -> None:
+    """Refuse joints of the platform that follow each other otherwise than its equations have it."""
+    own, random = set(robot.platform.coordinates), np.random.default_rng(0)
+    if own.isdisjoint(one.joint for one in assembly.following):
+        return
+    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    for scale in (0.0, _NEAR, _NEAR):
+        q = robot.q_rest + scale * random.uniform(-1.0, 1.0, robot.nq)
+        try:
+            q = robot.consistent(np.clip(q, lower, upper))
+        except UsageError:
+            continue  # no state: its coordinates do not tell the others
+        if said := not_coupled(robot, assembly.following, q):
+            raise SpecError(
+                f"{robot.spec.where}: {'; '.join(said)}; remove <mimic> where each has a motor of its "
+                "own, choose a 'platform.type' that has this coupling, or lock what is steered in "
+                "field 'urdf.lock'"
+            )
 
 
 def _part(
