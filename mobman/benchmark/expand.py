@@ -16,6 +16,7 @@ from mobman.benchmark.suite_tables import Changes, Override, SuiteTables
 from mobman.controllers.protocol import controllers, make_controller
 from mobman.errors import MobmanError, SpecError, UnknownNameError, UsageError
 from mobman.model.build import build_robot, load_robot
+from mobman.model.platforms.custom import without_code
 from mobman.model.platforms.platform import platforms
 from mobman.robots.catalogue import find_spec, list_robots, origin_of
 from mobman.simulation.placements import placements
@@ -32,6 +33,8 @@ T = TypeVar("T")
 
 _placed: dict[tuple[Any, ...], dict[int, dict[str, Any]]] = {}
 """Fields of runs at placements that were drawn in this process: following a task takes 0.1 s."""
+_said: set[str] = set()
+"""Warnings that were given in this process: several suites mean the same robots."""
 
 
 def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]:
@@ -45,8 +48,7 @@ def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]
     problems = _Problems(suite.name, lines)
     expansion = _Expansion(suite, problems)
     expansion.check()
-    planned = list(expansion.planned())
-    expansion.resolve(planned)
+    planned = expansion.resolve(list(expansion.planned()))
     problems.require_none()
     runs: dict[str, RunSpec] = {}
     by_name: dict[tuple[Any, ...], str] = {}
@@ -64,14 +66,16 @@ def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]
 
 
 def number_of_runs(suite: SuiteTables, lines: TomlLines | None = None) -> int:
-    """Number of a suite's runs, by the names alone: no robot is loaded and no gain is checked.
+    """Number of a suite's runs, by the names alone: no gain is checked, no robot's code is run.
 
     Raises:
         SpecError: With all names that are unknown, grids that are not valid, and overrides that fit no
             run.
     """
     problems = _Problems(suite.name, lines)
-    found = {plan._replace(where="", gains=None) for plan in _Expansion(suite, problems).planned()}
+    with without_code():
+        plans = _Expansion(suite, problems).planned()
+        found = {plan._replace(where="", gains=None) for plan in plans}
     problems.require_none()
     return len(found)
 
@@ -143,13 +147,19 @@ def _is_sound(name: str) -> bool:
     if origin_of(name) == "mobman":
         return True
     try:
-        spec = find_spec(name)
-        if not spec.code:  # which runs with the suite, and not where it is only looked at
-            build_robot(spec)
+        build_robot(find_spec(name))
     except MobmanError as error:
-        warnings.warn(f"robot {name!r} is left out of the suite: {error}", stacklevel=2)
+        _leave_out(name, error)
         return False
     return True
+
+
+def _leave_out(name: str, error: MobmanError) -> None:
+    """Say once that a robot, which no suite names, is in none."""
+    text = f"robot {name!r} is left out of the suite: {error}"
+    if text not in _said:
+        _said.add(text)
+        warnings.warn(text, stacklevel=2)
 
 
 class _Plan(NamedTuple):
@@ -180,6 +190,7 @@ class _Expansion:
         self._controllers = _Table(suite, "controllers", "gains", problems)
         self._tasks = _Table(suite, "tasks", "parameters", problems)
         self._scenarios = _Table(suite, "scenarios", "fields", problems)
+        self._named: set[str] = set()  # robots that the suite names, rather than by a pattern
 
     def check(self) -> None:
         """Note what is wrong with any of the suite's own entries, used or not."""
@@ -297,6 +308,7 @@ class _Expansion:
                 names = attempt(where, chosen, "robot", pattern, list_robots(), {}) or []
                 found |= dict.fromkeys(filter(_is_sound, names))
             elif attempt(where, find_spec, pattern) is not None:
+                self._named.add(pattern)
                 found[pattern] = None
         return list(found)
 
@@ -329,28 +341,41 @@ class _Expansion:
         found = load_scenario(name) if own is None else Scenario(**{**own, "name": name})
         return found, found.model_dump(mode="json")
 
-    def resolve(self, planned: Sequence[_Plan]) -> None:
-        """Make what the names in runs stand for, and note what cannot be made."""
+    def resolve(self, planned: Sequence[_Plan]) -> list[_Plan]:
+        """Make what the names in runs stand for, and note what cannot be made; the runs that are left:
+        a user's robot that a pattern meant, and that cannot do a task, stops none of the others."""
         attempt = self._problems.attempt
         self._robots: dict[str, Any] = {}
         self._resolved_scenarios: dict[str, Any] = {}
         self._laws: dict[tuple[str, str], Any] = {}
         self._placed: dict[tuple[str, str], Any] = {}
         self._codes: dict[tuple[str, ...], str] = {}
+        numbers: dict[tuple[str, str], dict[int, None]] = {}
+        for plan in planned:
+            numbers.setdefault((plan.robot, plan.task), {})[plan.placement] = None
+        lost = set[str]()
         for name in dict.fromkeys(plan.robot for plan in planned):
-            self._robots[name] = attempt(f"robot {name!r}", self._robot, name)
+            own = {task: found for (robot, task), found in numbers.items() if robot == name}
+            if name in self._named or origin_of(name) == "mobman":
+                self._robots[name] = attempt(f"robot {name!r}", self._robot, name)
+                for task, found in own.items() if self._robots[name] is not None else ():
+                    where = f"task {task!r} for robot {name!r}"
+                    self._placed[name, task] = attempt(where, self._placements, name, task, found)
+                continue
+            try:
+                self._robots[name] = self._robot(name)
+                for task, found in own.items():
+                    self._placed[name, task] = self._placements(name, task, found)
+            except MobmanError as error:
+                _leave_out(name, error)
+                lost.add(name)
+        planned = [plan for plan in planned if plan.robot not in lost]
         for name in dict.fromkeys(plan.scenario for plan in planned):
             self._resolved_scenarios[name] = attempt(f"scenario {name!r}", self._scenario, name)
         for key, plan in {plan.controller: plan for plan in planned}.items():
             where = f"controller {plan.label!r}" + (f" in {plan.where}" if plan.gains else "")
             self._laws[key] = attempt(where, self._gains_and_settings, plan)
-        numbers: dict[tuple[str, str], dict[int, None]] = {}
-        for plan in planned:
-            numbers.setdefault((plan.robot, plan.task), {})[plan.placement] = None
-        for (robot, task), own in numbers.items():
-            if self._robots[robot] is not None:
-                where = f"task {task!r} for robot {robot!r}"
-                self._placed[robot, task] = attempt(where, self._placements, robot, task, own)
+        return planned
 
     def _robot(self, name: str) -> tuple[str, str]:
         """A robot's fingerprint, and the type of its platform."""
