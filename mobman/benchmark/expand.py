@@ -13,7 +13,7 @@ from itertools import product
 from typing import Any, NamedTuple, TypeVar
 
 from mobman.benchmark.suite_tables import Changes, Override, SuiteTables
-from mobman.controllers.protocol import controllers, make_controller
+from mobman.controllers.protocol import controllers, gains_by_field, make_controller
 from mobman.errors import MobmanError, SpecError, UnknownNameError, UsageError
 from mobman.model.build import build_robot, load_robot
 from mobman.model.platforms.custom import without_code
@@ -201,11 +201,11 @@ class _Expansion:
             self._problems.note("monitor: none of its controllers has sliding variables")
         for name, gains in self._controllers.fields.items():
             label, law = self._controllers.labels[name], self._law_of(name)
-            attempt(f"controller {name!r}", make_controller, law, **gains)
+            self._check_gains(f"controller {name!r}", law, gains)
             for number, group in enumerate(self._suite.groups):
                 for meant in (key for key in group.gains if key in (name, label)):
                     where = f"controller {name!r} in groups.{number}"
-                    attempt(where, make_controller, law, **{**gains, **group.gains[meant]})
+                    self._check_gains(where, law, {**gains, **group.gains[meant]})
         for name, parameters in self._tasks.fields.items():
             task = self._task_of(name)[0]
             checked = attempt(f"task {name!r}", check_parameters, task, parameters) or {}
@@ -214,6 +214,17 @@ class _Expansion:
             self._tasks.fields[name] = {**parameters, **contents}
         for name in self._scenarios.fields:
             attempt(f"scenario {name!r}", self._scenario, name)
+
+    def _check_gains(self, where: str, law: str, gains: Mapping[str, Any]) -> None:
+        """Note each gain that is unknown, and what is wrong with the others."""
+        attempt = self._problems.attempt
+        known = {
+            name: value
+            for name, value in gains.items()
+            if attempt(where, gains_by_field, law, {name: value}) is not None
+        }
+        if known or not gains:
+            attempt(where, make_controller, law, **known)
 
     # Names and patterns
 

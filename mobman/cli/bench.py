@@ -87,7 +87,8 @@ def show_command(suite: str, each: bool, as_json: bool) -> None:
     contents.columns[0].style = "bold"
     headings = ("controller", "law", "gains in addition to the defaults")
     laws = table(*headings, rows=_controllers(runs), names={"controller", "law"})
-    for part in (f"{chosen.name}: {chosen.description}", contents, laws):
+    heading = ": ".join(filter(None, (chosen.name, chosen.description)))
+    for part in (heading, contents, laws):
         console().print(part)
     for run in runs if each else ():
         echo(f"{run.run_id}  {run}")

@@ -51,7 +51,7 @@ def check_new(path: Path | None, *, suffixes: Collection[str], force: bool) -> N
     if path is not None and path.suffix.lower() not in suffixes:
         raise UsageError(f"-o {str(path)!r} does not end in {' or '.join(sorted(suffixes))}")
     if path is not None and path.exists() and not force:
-        raise UsageError(f"{path} is there already; choose another -o, or add --force")
+        raise UsageError(f"{path} is there already; choose another name, or add --force")
 
 
 _MODULES = {

@@ -177,8 +177,8 @@ def remove(name: str, as_json: bool) -> None:
             raise UsageError(f"the robot {name!r} comes with mobman and stays")
         if name in list_robots():
             raise UsageError(f"the robot {name!r} is another package's; uninstall that")
-        known = [path.stem for path in folder.glob("*.toml")]
-        raise UnknownNameError("robot of yours", name, known)
+        known = ", ".join(sorted(path.stem for path in folder.glob("*.toml"))) or "none"
+        raise UsageError(f"no robot of the name {name!r} was added by you; added: {known}")
     copy = re.compile(rf"{re.escape(name)}\.(mount\d+\.)?urdf")
     copies = [path for path in folder.glob(f"{glob.escape(name)}.*") if copy.fullmatch(path.name)]
     removed = [file, *copies]  # the TOML first: without it there is no robot

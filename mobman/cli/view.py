@@ -59,6 +59,7 @@ _TIME = (
 @option("--fps", type=POSITIVE, help="Frames a second of a film.  [default: 30; 20 for GIF]")
 @option("--size", metavar="WxH", type=_pixels, help=_SIZE)
 @option("--speed", type=POSITIVE, default=1.0, help="Speed of a film: seconds of the run a second.")
+@FORCE
 @reports
 def view(
     what: tuple[str, ...], html: Path | None, png: Path | None, as_json: bool, **given: Any
@@ -71,6 +72,8 @@ def view(
 
     time, scale, transparent = (given[key] for key in ("time", "scale", "transparent"))
     film = {key: given[key] for key in ("fps", "size", "speed")}
+    for path in filter(None, (html, png, given["gif"], given["mp4"])):
+        check_new(path, suffixes=[path.suffix.lower()], force=given["force"])
     if png is None and (transparent or scale is not None):
         raise UsageError("--scale and --transparent are for a picture: give --png FILE, too")
     scene = make_scene(what, layout=given["layout"], time=time, camera=given["camera"])

@@ -74,6 +74,16 @@ def test_all_wrong_names_are_told_at_once(tmp_path):
         assert f"did you mean {expected}" in str(error.value)
 
 
+def test_all_wrong_gains_of_a_controller_are_told_at_once(tmp_path):
+    path = small_suite(tmp_path)
+    text, law = path.read_text(), 'law = "pseudo-inverse"'
+    path.write_text(text.replace(law, f'{law}\ngains = {{ K_q = 1.0, K_v = "a", K_x = 2.0 }}'))
+    with pytest.raises(SpecError) as error:
+        load_suite(path).runs()
+    for expected in ("unknown gain of 'pseudo-inverse' 'K_q'", "'K_x'", "K_v = 'a': must"):
+        assert expected in str(error.value)
+
+
 def test_a_wrong_law_alone_is_told_with_its_label(tmp_path):
     path = small_suite(tmp_path)
     text = path.read_text()

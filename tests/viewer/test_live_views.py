@@ -176,6 +176,13 @@ def test_command_writes_a_page(tmp_path):
     assert str(file) in done.stdout
     assert file.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert list(tmp_path.iterdir()) == [file]
+    file.write_text("mine", encoding="utf-8")
+    done = _command("youbot", "--html", file)
+    assert done.returncode == 2
+    assert f"{file} is there already" in done.stderr
+    assert file.read_text(encoding="utf-8") == "mine"
+    assert _command("youbot", "--html", file, "--force").returncode == 0
+    assert file.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
 @pytest.mark.parametrize(

@@ -456,7 +456,8 @@ def test_robots_are_removed_with_their_copies(mobman_robots, tmp_path, data_home
     left = sorted(p.name for p in (data_home / "mobman/robots").iterdir())
     assert left == ["mine.two.toml", "mine.two.urdf"]
     assert urdf.is_file()
-    for name, word in (("mine", "mine.two"), ("tiago", "comes with"), ("../a", "unknown")):
+    none = "no robot of the name 'mine' was added by you; added: mine.two"
+    for name, word in (("mine", none), ("tiago", "comes with"), ("../a", "'../a' was added")):
         assert word in refusal(mobman_robots("remove", name))
 
 
