@@ -26,6 +26,8 @@ HELD = 1e-4  # m: a cell is solved where the steady error stays below it
 def cell(runs: pd.DataFrame) -> str:
     """Median of the steady errors (m), runs that end early counting as infinite, and how many hold; of
     several seeds the worst counts."""
+    if runs.empty:
+        return ""
     every = runs["task_error_max"].where(runs["status"] == "ok", np.inf).fillna(np.inf)
     error = every.groupby([runs[name] for name in CELL]).max()
     median = float(np.median(error))
