@@ -68,6 +68,9 @@ def test_the_suite_of_the_tutorial_takes_a_law_from_a_script(suite):
     said = run(suite, "mine.py")
     assert re.search(r"^controller +baseline +damped +tsm$", said, re.MULTILINE)
     assert (suite / "worst.pdf").read_bytes().startswith(b"%PDF")
+    page = (suite / "results" / "mine" / "report.html").read_text(encoding="utf-8")
+    assert "damped" in page
+    assert "not said" not in page  # what it uses
 
 
 @pytest.mark.slow
