@@ -39,7 +39,7 @@ robot() {
     missing=1
     return 0
   fi
-  "$PYTHON" -m mobman robots add "$place/$path" -o "$folder/$name.toml" --force "${@:4}"
+  "$PYTHON" -m mobman robots add "$place/$path" -o "$folder/$name.toml" --force --as-it-is "${@:4}"
   "$PYTHON" -m mobman run "$folder/$name.toml" --duration "${SECONDS_EACH:-10}" -o "$folder/$name.h5"
 }
 

@@ -14,6 +14,7 @@ from mobman.arrays import Array
 from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
 from mobman.model.posture_weights import conditioning, heading_weight
 from mobman.model.task_map import TaskMap
+from mobman.robots.infer.findings import MOST_REACH
 from mobman.robots.spec import DRIVEN
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.shapes import bounds
@@ -40,6 +41,12 @@ def reach(subject: Subject) -> Iterator[Remark]:
     path = circle(subject)
     found = list(gaps(subject, path))
     lowest, highest, reached = _workspace(subject)
+    if reached > MOST_REACH:
+        yield wrong(
+            f"the arm reaches {reached:.4g} m from its first joint, above {MOST_REACH:g} m: is it in "
+            "millimetres?",
+            "scale the <origin> of its joints, its shapes and meshes to metres",
+        )
     if missed := sum(gap > CLOSE for gap in found):
         # a base that drives may stand in ways that the search has not come upon
         drives = len(subject.robot.platform_index) > 0

@@ -10,6 +10,7 @@ from pathlib import Path
 from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
 from mobman.model.platforms.platform import Wheel
 from mobman.model.platforms.wheels import AXIS_TOLERANCE
+from mobman.robots.infer.findings import MOST_RADIUS
 from mobman.robots.urdf.meshes import MeshReference
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about
@@ -134,6 +135,12 @@ def wheel_radius(subject: Subject) -> Iterator[Remark]:
     where = f"field 'platform.wheel_radius' of {subject.name}"
     for (radius, listing), (joints, sizes) in alike.items():
         who = _wheels(joints)
+        if radius > MOST_RADIUS:
+            yield wrong(
+                f"{who}: radius {radius:g} m, above {MOST_RADIUS:g} m: is it in millimetres?",
+                f"set {where} in metres, and scale what else the URDF has in millimetres",
+            )
+            continue
         if not sizes:
             yield warning(
                 f"{who}: no round geometry (that could be read) to compare the radius {radius:g} m with",

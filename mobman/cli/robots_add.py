@@ -102,6 +102,7 @@ _FILE = "TOML file to write; by default in the user's folder of robots."
 @_several("--mount", "mounted", "URDF of an arm to be mounted", "URDF")
 @_several("--on", "carriers", "Link that carries what is mounted, in the same order", "LINK")
 @_several("--prefix", "prefixes", "Put before all names of what is mounted", "TEXT")
+@option("--as-it-is", is_flag=True, help="Write also sizes that the checks call wrong.")
 @option("--force", is_flag=True, help="Replace a file or a robot that is there.")
 @option("-o", "--output", type=FILE, metavar="FILE", help=_FILE)
 @reports
@@ -152,7 +153,11 @@ def add(
     if robot.platform.base_joints:
         text = with_platform_weights(text, *_heading(robot))
         robot = _robot_of(text, target, built)
-    doubts = _verified(robot, force)
+    if doubts := _verified(robot, options.as_it_is):
+        found = found._replace(warnings=(*found.warnings, *doubts))
+        text = found.toml(sources)
+        if robot.platform.base_joints:
+            text = with_platform_weights(text, *_heading(robot))
     for place, content in {**copies, target: text}.items():
         write_new(place, content, force, "choose another -o")
     known = name if output is None else shlex.quote(str(target))
@@ -163,7 +168,7 @@ def add(
         "nq": robot.nq,
         "nz": robot.nz,
         "uncertain": list(found.found.uncertain),
-        "warnings": [*found.warnings, *doubts, *_missing_meshes(files)],
+        "warnings": [*found.warnings, *_missing_meshes(files)],
         "next": [f"mobman robots check {known}", f"mobman run {known}"],
     }
     if as_json:
@@ -217,23 +222,27 @@ def _check_absent(path: Path) -> None:
         raise UsageError(f"{path} is there already; choose another --name or -o, or add --force")
 
 
-def _verified(robot: MobileManipulator, force: bool) -> list[str]:
-    """Checks of what is about to be written; what only may be wrong, in sentences.
+def _verified(robot: MobileManipulator, as_it_is: bool) -> list[str]:
+    """Checks of what is about to be written; what is or may be wrong, in sentences.
 
     Raises:
-        UsageError: If a size is wrong: it is asked for, and never written without ``--force``.
+        UsageError: If a size is wrong: it is asked for, and never written without ``--as-it-is``.
     """
     from mobman.checks.checks import run_checks
 
     findings = run_checks(robot, only=("ground", "wheel-radius"))
     wrong = [finding for finding in findings if finding.status == "wrong"]
-    if wrong and not force:
+    if wrong and not as_it_is:
         said = "; ".join(finding.found for finding in wrong)
         raise UsageError(
             f"nothing was written, since a size cannot be right: {said}; correct the URDF, or give "
-            "--wheel-radius (m), --up or --heading; with --force it is written as it is"
+            "--wheel-radius (m), --up or --heading; with --as-it-is it is written as it is"
         )
-    return [f"{finding.check}: {finding.found}" for finding in findings if finding.status != "ok"]
+    return [
+        f"{one.check}{', wrong' if one.status == 'wrong' else ''}: {one.found}"
+        for one in findings
+        if one.status != "ok"
+    ]
 
 
 def _missing_meshes(files: Sequence[UrdfFile]) -> Iterator[str]:

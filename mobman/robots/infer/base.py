@@ -222,6 +222,15 @@ def _of_pairs(
 def _no_platform(tree: Tree, wheels: list[Rolling]) -> str:
     """The question that is left where no wheels drive."""
     turned = [w for w in wheels if w.turning is not None]
+    _, high = rolling_wheels(tree)
+    if wheels and (pairs := pairs_of([w for w in high if w.turning is None])):
+        (one, other), lowest = pairs[0], min(wheels, key=lambda w: w.centre[2] - (w.radius or 0.0))
+        gap = one.centre[2] - (one.radius or 0.0) - lowest.centre[2] + (lowest.radius or 0.0)
+        return (
+            f"the wheels {one.name} and {other.name} end {1e3 * gap:.3g} mm above the lowest point "
+            f"of {lowest.name}, which was taken to stand on the ground: correct the <origin> of one "
+            "of them, or, if they drive, name them by --right-wheel and --left-wheel"
+        )
     if turned and len(turned) == len(wheels):
         joints = dict.fromkeys(j.name for w in turned for j in (w.swivel, w.steering) if j)
         sliding = naming = ""
@@ -262,13 +271,19 @@ def _driven_wheels(wheels: list[Rolling]) -> tuple[list[Rolling], tuple[str, ...
         alike = next((g for g in groups if _alike(g[0], wheel)), [])
         groups += [] if alike else [alike]
         alike.append(wheel)
-    # casters are smaller than what drives
+    # casters are smaller than what drives, and of wheels alike the lower ones carry the robot
     best = max(
         (g for g in groups if pairs_of(g) or len(g) >= 3),
-        key=lambda g: (g[0].radius or 0.0, float(g[0].centre[2]), len(g)),
+        key=lambda g: (g[0].radius or 0.0, _carries(g[0]), len(g)),
         default=[],
     )
     return best, turrets
+
+
+def _carries(wheel: Rolling) -> float:
+    """The lower a wheel of a known radius is, the larger; of another, its axle says how large it is."""
+    height = float(wheel.centre[2])
+    return height if wheel.radius is None else -height
 
 
 def _one_each(wheels: list[Rolling]) -> list[Rolling]:

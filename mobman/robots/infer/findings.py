@@ -26,6 +26,13 @@ TYPES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Platform types that wheels are recognised as, or that need none, and the fields that are found."""
 
+MOST_RADIUS, MOST_TRACK, MOST_REACH = 2.0, 20.0, 30.0
+"""What is larger is in another unit (m): the wheels of the largest dumpers have a radius of 2 m, and are
+10 m apart; the longest arms that are sold reach 15 m, and those of excavators 25 m."""
+MOST_OF_BASE = 30.0
+"""An arm that reaches so many times as far as its platform is long is in another unit: an arm alone on
+its foot reaches 12 times as far, and an inch is a 39th of a metre."""
+
 CASTER = r"cast[eo]r|passive|idler|support|swivel|free_?wheel|dummy|trailing"
 WHEEL = r"wheel(?!_?base)"
 FOOTPRINT = r"footprint"
@@ -49,6 +56,7 @@ class Options:
     wheel_radius: float | None = None  # m
     heading: float | None = None  # direction of forward in the root link's frame (rad)
     lock: tuple[str, ...] = ()  # more joints that do not move: names or patterns
+    as_it_is: bool = False  # whatever its sizes say
     # platform types that may be asked for, and those of their fields that are found
     types: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: TYPES, hash=False)
 

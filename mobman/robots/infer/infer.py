@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,17 @@ from mobman.arrays import Array
 from mobman.robots.infer.arm import Arm, Branches, Surroundings, choose_arm, rest_of
 from mobman.robots.infer.base import find_drive
 from mobman.robots.infer.drive import Drive
-from mobman.robots.infer.findings import Inferred, Lock, Options, Undecided, lock_once
+from mobman.robots.infer.findings import (
+    MOST_OF_BASE,
+    MOST_RADIUS,
+    MOST_REACH,
+    MOST_TRACK,
+    Inferred,
+    Lock,
+    Options,
+    Undecided,
+    lock_once,
+)
 from mobman.robots.infer.kinematics import Chain, Tree, followers, lost_to_mimics, names_of
 from mobman.robots.infer.wheels import pairs_of, rolling_wheels, settle_radius
 from mobman.robots.spec import Coupling, CriterionSource
@@ -86,7 +97,8 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     try:
         drive = find_drive(tree, wheels, options, np.array(ends).reshape(-1, 3))
         # on wheels that it has in the air, or on none, it may stand if it is turned
-        turns = (high or not wheels) and options.platform is None
+        named = options.platform or options.right_wheels or options.wheels
+        turns = (high or not wheels) and not named
         if turns and (side := _lies_on_its_side(urdf, tree, len(wheels))):
             raise Undecided(side)
         uncertain += drive.uncertain
@@ -120,6 +132,8 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         calls = dict.fromkeys(part.tag for part in robot if part.tag.startswith("xacro:"))
         left = f" (xacro did not expand {', '.join(calls)})" if calls else ""
         raise Undecided(f"{urdf.path}: {'; and '.join(questions)}{left}")
+    if not options.as_it_is and (size := _in_another_unit(tree, drive, radius, arm)):
+        raise Undecided(f"{urdf.path}: {size}")
     # mimic joints that follow the arm's and are no fingers: they are modelled
     following = {joint.name for joint in followers(tree, arm.joints)} - branches.fingers
     following -= drive.own | set(by_user)
@@ -179,6 +193,26 @@ def _lies_on_its_side(urdf: UrdfFile, tree: Tree, standing: int) -> str:
                 f"with its {axis} axis up; give --up {axis}"
             )
     return ""
+
+
+def _in_another_unit(tree: Tree, drive: Drive, radius: Inferred | None, arm: Arm) -> str:
+    """The question where something is larger than such things are; else empty."""
+    box, centres = _box(tree), np.array([wheel.centre[:2] for wheel in drive.driven]).reshape(-1, 2)
+    track = max((float(np.linalg.norm(a - b)) for a, b in combinations(centres, 2)), default=0.0)
+    wide = max(track, 0.0 if box is None else float(np.ptp(box, axis=0).max()))
+    said = []
+    if radius is not None and radius.value > MOST_RADIUS:
+        said.append(f"the wheels' radius would be {radius.value:.4g} m ({radius.why})")
+    if track > MOST_TRACK:
+        said.append(f"the wheels would be {track:.4g} m apart")
+    if arm.reach > MOST_REACH:
+        said.append(f"the arm would reach {arm.reach:.4g} m")
+    elif wide and arm.reach > MOST_OF_BASE * wide:
+        said.append(f"the arm would reach {arm.reach:.4g} m from a platform of {wide:.4g} m")
+    advice = (
+        "a URDF is in metres: scale its origins, shapes and meshes by 0.001, or give --as-it-is"
+    )
+    return f"{', '.join(said)}: is it in millimetres? {advice}" if said else ""
 
 
 def _middle(tree: Tree) -> float:

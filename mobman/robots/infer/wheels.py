@@ -268,7 +268,7 @@ def settle_radius(
         unit = "; is its mesh in millimetres? Then give it scale 0.001" if "mesh" in why else ""
         raise Undecided(
             f"the wheels' radius would be {value:.4g} m ({why}), but {than}{unit}: correct the URDF, or "
-            "give --wheel-radius (m) and --force"
+            "give --wheel-radius (m) and --as-it-is"
         )
     for other in sources:
         if other is not taken and abs(other.value - taken.value) > SAME_RADIUS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import sys
 import threading
 import tomllib
@@ -215,8 +216,11 @@ def test_a_base_that_its_checks_call_wrong_is_not_written(mobman_robots, tmp_pat
     urdf, toml = robot.write(tmp_path / "a.urdf"), tmp_path / "a.toml"
     assert "keel" in refusal(mobman_robots("add", urdf, "-o", toml))
     assert not toml.exists()
-    assert mobman_robots("add", urdf, "-o", toml, "--force").exit_code == 0
-    assert "keel" in toml.read_text() or toml.exists()
+    assert "keel" in refusal(mobman_robots("add", urdf, "-o", toml, "--force"))
+    done = mobman_robots("add", urdf, "-o", toml, "--as-it-is", "--json")
+    assert any("ground, wrong" in said for said in json.loads(done.output)["warnings"])
+    assert re.search(r"^# WARNING: ground, wrong: .*keel", toml.read_text(), re.MULTILINE)
+    assert mm.load_robot(toml).platform.wheels
 
 
 # Meshes

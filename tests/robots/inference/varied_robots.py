@@ -755,7 +755,7 @@ class Varied:
             local = self.joints[name].axis
             self.shown(link, "mesh", {"filename": "tyre.stl"}, place(rotation=carry(Z, local)))
         self.truth.refused = ["millimetres"]
-        self.truth.answer = ["--wheel-radius", str(self.truth.radius), "--force"]
+        self.truth.answer = ["--wheel-radius", str(self.truth.radius), "--as-it-is"]
 
     def on_its_side(self) -> None:
         if self.kind in ("differential", "turret", "car") and abs(math.sin(self.yaw)) > 0.5:
@@ -852,7 +852,7 @@ class Varied:
         keel = self.link("keel")
         self.shown(keel, "box", {"size": "0.1 0.1 0.1"})
         self.fixed("chassis", "keel", place((0, 0, self.truth.ground - 0.06)))
-        self.truth.refused, self.truth.answer = ["keel"], ["--force"]
+        self.truth.refused, self.truth.answer = ["keel"], ["--as-it-is"]
 
     def different_wheels(self) -> None:
         """One wheel is larger than its fellow."""
