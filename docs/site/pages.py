@@ -19,7 +19,11 @@ ELSEWHERE = {
 }
 """Pages of the repository that are not in docs."""
 CONTENTS = {
-    "Start": {"start": "Start in five minutes", "gallery": "Gallery"},
+    "Start": {
+        "start": "Start in five minutes",
+        "contents": "What is in here",
+        "gallery": "Gallery",
+    },
     "Tutorials": {
         "robots": "Your own robot",
         "own_law": "Your own law",
@@ -39,6 +43,7 @@ CONTENTS = {
         "theory": "Equations, errata, discretisation",
     },
     "Results": {
+        "comparisons": "What the comparisons say",
         "findings": "Questions, answers, commands",
         "suites": "Suites, and what they say",
         "ground": "Wheels on the ground",
@@ -48,6 +53,7 @@ CONTENTS = {
     },
     "How results are kept honest": {
         "honesty": "Measures, and their limits",
+        "limitations": "Known limitations",
         "statistics": "Statistics of the report",
         "tuning": "Tuning with one budget",
     },
