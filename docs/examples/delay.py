@@ -1,4 +1,4 @@
-"""Torques that act two sampling periods late: a law that is told predicts, one that is not diverges."""
+"""Torques that act two sampling periods late: a law that knows the delay predicts, one that does not diverges."""
 
 import mobman as mm
 
