@@ -1,4 +1,4 @@
-"""Torques that act two sampling periods late: a law that knows the delay predicts, one that does not diverges."""
+"""Torques that act two sampling periods late: who knows the delay predicts, who does not diverges."""
 
 import mobman as mm
 
