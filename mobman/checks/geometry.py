@@ -11,6 +11,7 @@ from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warni
 from mobman.model.platforms.platform import Wheel
 from mobman.model.platforms.wheels import AXIS_TOLERANCE
 from mobman.robots.infer.findings import MOST_RADIUS
+from mobman.robots.places import user_robots_folder
 from mobman.robots.urdf.meshes import MeshReference
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about
@@ -208,8 +209,8 @@ def _does_not_travel(mesh: MeshReference, urdf: UrdfFile) -> bool:
     scheme, separator, _ = mesh.filename.partition("://")
     if separator:
         return scheme == "file"
-    if Path(mesh.filename).is_absolute():
-        return True
+    if Path(mesh.filename).is_absolute():  # as mobman itself writes them in its copies
+        return urdf.path.parent != user_robots_folder().resolve()
     # the package is, by convention, two folders up: NAME/urdf or NAME/robots
     folder = urdf.path.parent
     marked = (above for above in (folder, *folder.parents) if (above / "package.xml").is_file())

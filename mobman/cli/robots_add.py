@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import shlex
@@ -127,8 +126,13 @@ def add(
         "packages": [path.resolve() for path in facts.pop("packages")],
         "arguments": dict(facts.pop("arguments")),
     }
+    if output is not None and output.suffix != ".toml":
+        raise UsageError(
+            f"-o {str(output)!r} does not end in .toml, which distinguishes a robot's file from a "
+            f"name; give {f'{output}.toml'!r}"
+        )
     options = Options(**facts, types=_TYPES.fields)
-    _check_options(output, options)
+    options.check("--{}")
     on_links = [OnLink(*mount) for mount in mounts]
     found = describe(urdf, options, name=name, output=output, mounts=on_links, **given)
     name = found.name
@@ -144,6 +148,8 @@ def add(
             copies[place] = with_absolute_meshes(file).decode()
             source = source.model_copy(update={"path": place.name, "packages": []})
             file = UrdfFile(place, file.package_folders, copies[place].encode(), up=file.up)
+        else:  # the file itself, which may change
+            source = source.model_copy(update={"sha256": file.sha256()})
         sources.append(source)
         files.append(file)
     text, built = found.toml(sources), UrdfSources(tuple(files)) if copies else None
@@ -184,21 +190,6 @@ def _heading(robot: MobileManipulator) -> tuple[float, str]:
     weights = robot.criterion_weights
     weight = weights[robot.joint_names.index(robot.platform.base_joints[-1])]
     return float(weight), f"1/rad^2: conditioning {conditioning(robot, weights):.2g} at rest"
-
-
-def _check_options(output: Path | None, options: Options) -> None:
-    """Refuse what the types of click let pass."""
-    for flag, value, allowed in (
-        ("--heading", options.heading, "angle (rad)"),
-        ("--wheel-radius", options.wheel_radius, "length above 0 (m)"),
-    ):
-        if value is not None and not math.isfinite(value):
-            raise UsageError(f"{flag} is {value}; allowed: a finite {allowed}")
-    if output is not None and output.suffix != ".toml":
-        raise UsageError(
-            f"-o {str(output)!r} does not end in .toml, which distinguishes a robot's file from a "
-            f"name; give {f'{output}.toml'!r}"
-        )
 
 
 def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:

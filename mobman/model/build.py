@@ -30,6 +30,7 @@ from mobman.robots.urdf.validate import too_large
 
 _FOLLOWING = 1e-9  # weight of coordinates that others determine: next to none
 _SHARE = 0.3  # of a direction of motion without inertia, in which a velocity is named
+_STILL = 1e-9  # rate of a joint for a unit of a velocity: rounding
 _NEAR = 0.5  # rad or m from rest: states at which a platform's rates are compared with <mimic>
 _DIGITS = 1e-3  # of a rate: what a URDF's ratio may be rounded to
 
@@ -459,6 +460,16 @@ def _check(robot: MobileManipulator) -> None:
     if not np.any(robot.tip_jacobian(robot.q_rest)[:, robot.arm.joints]):
         raise SpecError(
             f"{where}: field 'arm.tip' is {robot.tip!r}, which no joint of the arm moves"
+        )
+    own, virtual = robot.platform.following, robot.platform.virtual_joints
+    joints = [i for i, name in enumerate(robot.joint_names) if name not in virtual]
+    fastest = np.abs(robot.velocity_map(robot.q_rest)[joints]).max(axis=0)
+    for i in np.flatnonzero(fastest <= _STILL) if virtual else ():
+        raise SpecError(
+            f"{where}: the platform is singular at rest: {robot.velocity_names[i]} turns none of its "
+            f"joints, since the steering axes ({', '.join(own)}) are in one line across the direction "
+            "of travel: turn 'platform.heading' (--heading) by a quarter, so that it drives along that "
+            f"line, rest it in another direction by 'rest.{virtual[0]}', or take another platform type"
         )
     with np.errstate(all="ignore"):  # what overflows is found by its result
         inertia = robot.reduced_inertia(robot.q_rest)

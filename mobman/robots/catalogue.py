@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import fields
 from functools import lru_cache
@@ -152,9 +152,14 @@ def _options(facts: Mapping[str, Any]) -> Options:
     allowed = {field.name: field for field in fields(Options) if field.name != "types"}
     if unknown := sorted(set(facts) - set(allowed)):
         raise UsageError(f"{unknown[0]!r} is no fact of a URDF; allowed: {', '.join(allowed)}")
-    lists = {name: value for name, value in facts.items() if allowed[name].default == ()}
-    listed = {n: (v,) if isinstance(v, str) else tuple(v) for n, v in lists.items()}
-    return Options(**{**facts, **listed})
+    listed = {}
+    for name, value in facts.items():
+        if allowed[name].default == ():
+            several = isinstance(value, Iterable) and not isinstance(value, str)
+            listed[name] = tuple(value) if several else (value,)
+    options = Options(**{**facts, **listed})
+    options.check()
+    return options
 
 
 @lru_cache(maxsize=64)

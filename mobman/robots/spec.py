@@ -31,6 +31,8 @@ class UrdfSource(Strict):
     """File: relative to the TOML, or to the package's ``robots`` folder where one is named."""
     package: Literal["example-robot-data"] | None = None
     """Installed data package that holds the file."""
+    sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$", exclude=True)
+    """Hash of the file that the description was written for; there is a warning if it differs."""
     packages: list[str] = []
     """Folders, relative to the TOML, that hold packages NAME of ``package://NAME/...``; the folders
     above the URDF are looked in as well."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any, NamedTuple
 
 from mobman.errors import UsageError
@@ -59,6 +61,32 @@ class Options:
     as_it_is: bool = False  # whatever its sizes say
     # platform types that may be asked for, and those of their fields that are found
     types: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: TYPES, hash=False)
+
+    def check(self, called: str = "{}") -> None:
+        """Refuse values of a wrong type, numbers that are not finite, a radius that is not above 0.
+
+        Args:
+            called: How a message calls a fact, ``{}`` being its name.
+
+        Raises:
+            UsageError: If one is there.
+        """
+        for name in ("tip", "platform"):
+            if not isinstance(value := getattr(self, name), str | None):
+                raise UsageError(f"{called.format(name)} is {value!r}; allowed: a name")
+        for name in ("right_wheels", "left_wheels", "wheels", "steering", "lock"):
+            value = getattr(self, name)
+            if not isinstance(value, tuple) or not all(isinstance(one, str) for one in value):
+                raise UsageError(f"{called.format(name)} is {value!r}; allowed: a name, or several")
+        for name, least, what in (
+            ("heading", -math.inf, "angle (rad)"),
+            ("wheel_radius", 0.0, "length above 0 (m)"),
+        ):
+            value = getattr(self, name)
+            number = isinstance(value, Real) and not isinstance(value, bool)
+            if value is not None and not (number and math.isfinite(value) and value > least):
+                flag = called.format(name.replace("_", "-") if called != "{}" else name)
+                raise UsageError(f"{flag} is {value!r}; allowed: a finite {what}")
 
     def fields(self, platform: str | None) -> tuple[str, ...]:
         """The fields of a platform type that are found."""

@@ -169,6 +169,7 @@ def robot_toml(
 def _part(source: UrdfSource, own: set[str], found: Inference) -> Table:
     """The table ``[urdf]`` or ``[[mount]]`` of a URDF with these joints."""
     named = {"package": Inferred(source.package), "path": Inferred(source.path)}
+    named["sha256"] = Inferred(source.sha256, "of the file, which is said if it changes")
     named["packages"] = Inferred(source.packages, "where package://NAME/... is")
     if source.up != "z":
         named["up"] = Inferred(source.up, "the root link's axis that points up")

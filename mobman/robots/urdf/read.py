@@ -13,6 +13,7 @@ import hashlib
 import os
 import re
 import sysconfig
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -183,8 +184,18 @@ def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
             raise SpecError(f"{field}.path': {source.path!r} leads outside {source.package}")
         packages += [share]
     if not os.path.exists(path):
-        raise SpecError(f"{field}.path': there is no URDF at {path}")
-    return UrdfFile(path, tuple(packages), up=source.up)
+        moved = ", which was there when the description was written: it was moved or removed"
+        raise SpecError(
+            f"{field}.path': there is no URDF at {path}{moved if source.sha256 else ''}"
+        )
+    file = UrdfFile(path, tuple(packages), up=source.up)
+    if source.sha256 not in (None, file.sha256()):
+        warnings.warn(
+            f"{field}.sha256': {path} has changed since the description was written for it, which may "
+            "not fit any more: write it again by 'mobman robots add', or remove the field",
+            stacklevel=4,
+        )
+    return file
 
 
 def _resolved(path: Path, field: str) -> Path:

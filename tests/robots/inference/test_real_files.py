@@ -18,12 +18,14 @@ from click.testing import CliRunner
 from made_urdf import QUARTER, Robot, box, differential, mesh, write_wheel_stl
 
 import mobman as mm
+from mobman.checks.checks import run_checks
 from mobman.cli.robots import robots
 from mobman.errors import SpecError, UsageError
 from mobman.robots import catalogue
 from mobman.robots.incoming.incoming import incoming
 from mobman.robots.urdf.meshes import mesh_paths
 from mobman.robots.urdf.read import UrdfFile
+from mobman.simulation.run_spec import fingerprint
 
 
 @pytest.fixture(autouse=True)
@@ -542,3 +544,73 @@ def test_a_robot_that_states_no_friction_has_none(added):
     loaded, said = added(differential().arm(tip="tool0"))
     assert not any("dynamics" in w for w in said["warnings"])
     assert UrdfFriction().start(Setting(loaded, 1e-3, np.random.default_rng(0))) is None
+
+
+# Files that change, and copies
+
+
+def test_a_file_that_changed_or_moved_is_said(mobman_robots, tmp_path, recwarn):
+    urdf, toml = differential().arm(tip="tool0").write(tmp_path / "a.urdf"), tmp_path / "r.toml"
+    assert mobman_robots("add", urdf, "-o", toml).exit_code == 0
+    before = fingerprint(mm.load_robot(toml).spec)
+    assert not [one for one in recwarn if "has changed" in str(one.message)]
+    urdf.write_text(f"{urdf.read_text()}\n<!-- later -->")
+    with pytest.warns(UserWarning, match=r"sha256'.*a\.urdf has changed.*robots add"):
+        mm.load_robot(toml)
+    toml.write_text(re.sub(r"^sha256.*\n", "", toml.read_text(), flags=re.MULTILINE))
+    urdf.write_text(urdf.read_text().removesuffix("\n<!-- later -->"))
+    assert fingerprint(mm.load_robot(toml).spec) == before  # which a run's identity has
+    assert mobman_robots("add", urdf, "-o", toml, "--force").exit_code == 0
+    urdf.rename(tmp_path / "b.urdf")
+    with pytest.raises(SpecError, match="moved or removed"):
+        mm.load_robot(toml)
+
+
+def test_absolute_meshes_are_no_fault_of_a_copy(mobman_robots, tmp_path):
+    write_wheel_stl(tmp_path / "tyre.stl", 0.1)
+    robot = differential().arm(tip="tool0").link("cover", visual=[mesh("tyre.stl")])
+    robot.joint("cover_joint", "fixed", "base_link", "cover", (0, 0, 0.2))
+    urdf = robot.write(tmp_path / "a.urdf")
+    assert mobman_robots("add", urdf, "--name", "mine").exit_code == 0
+    (own,) = run_checks(mm.load_robot("mine"), only=("meshes",))
+    assert own.status == "ok", own.found
+    urdf.write_text(urdf.read_text().replace("tyre.stl", str(tmp_path / "tyre.stl")))
+    assert mobman_robots("add", urdf, "-o", tmp_path / "r.toml").exit_code == 0
+    (other,) = run_checks(mm.load_robot(tmp_path / "r.toml"), only=("meshes",))
+    assert other.status == "warning"
+
+
+# Facts in Python
+
+
+@pytest.mark.parametrize(
+    ("facts", "words"),
+    [
+        ({"wheel_radius": "0.1"}, ["wheel_radius is '0.1'", "above 0"]),
+        ({"wheel_radius": -1}, ["wheel_radius is -1", "above 0"]),
+        ({"wheel_radius": math.nan}, ["wheel_radius is nan", "finite"]),
+        ({"heading": "a"}, ["heading is 'a'", "angle"]),
+        ({"right_wheels": None}, ["right_wheels", "None", "a name"]),
+        ({"wheels": [1]}, ["wheels is (1,)", "a name"]),
+        ({"tip": 3}, ["tip is 3", "a name"]),
+        ({"platform": b"x"}, ["platform is b'x'", "a name"]),
+    ],
+)
+def test_facts_of_a_wrong_type_are_named(tmp_path, facts, words):
+    with pytest.raises(UsageError) as refused:
+        mm.load_robot(tmp_path / "none.urdf", **facts)
+    for word in words:
+        assert word in str(refused.value)
+
+
+def test_modules_in_one_line_across_the_way_are_called_singular(tmp_path):
+    robot = Robot()
+    for side, y in (("right", -0.3), ("left", 0.3)):
+        robot.link(f"{side}_fork")
+        robot.joint(f"{side}_turn", "continuous", "base_link", f"{side}_fork", (0, y, 0.1))
+        robot.wheel(f"{side}_wheel", (0, 0, 0), parent=f"{side}_fork")
+    urdf = robot.arm(tip="tool0").write(tmp_path / "a.urdf")
+    with pytest.raises(SpecError, match=r"singular at rest.*right_turn.*heading"):
+        mm.load_robot(urdf, platform="swerve")
+    with pytest.warns(UserWarning, match="swerve platform"):
+        assert mm.load_robot(urdf, platform="swerve", heading=math.pi / 2).nz == 9
