@@ -129,7 +129,8 @@ def find_spec(name_or_path: str | os.PathLike[str], **facts: Any) -> RobotSpec:
         with suppress(OSError, ValueError):
             status = os.stat(text)
             stamp = (status.st_mtime_ns, status.st_size)
-        return _inferred(os.path.abspath(text), stamp, _options(facts))
+        place = text if "://" in text else os.path.abspath(text)  # an address is refused as one
+        return _inferred(place, stamp, _options(facts))
     if facts:
         raise UsageError(f"{', '.join(facts)}: only for a URDF or a model; {text!r} is neither")
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):

@@ -165,7 +165,7 @@ def _of_content(content: bytes, path: Path | None, given: _Given) -> Incoming:
 
 
 def _of_folder(folder: Path, given: _Given) -> Incoming:
-    """The only URDF of a folder, or else the only xacro file that is no part of another."""
+    """The only URDF of a folder, or else its only file ``*.urdf.xacro``."""
     files = list(_files(folder))
     found = [path for path in files if path.suffix.lower() == ".urdf"]
     found = found or [path for path in files if path.name.lower().endswith(".urdf.xacro")]

@@ -614,3 +614,8 @@ def test_modules_in_one_line_across_the_way_are_called_singular(tmp_path):
         mm.load_robot(urdf, platform="swerve")
     with pytest.warns(UserWarning, match="swerve platform"):
         assert mm.load_robot(urdf, platform="swerve", heading=math.pi / 2).nz == 9
+
+
+def test_an_address_is_refused_as_one():
+    with pytest.raises(UsageError, match=r"https://a/b\.urdf is not fetched; download it first"):
+        mm.load_robot("https://a/b.urdf")
