@@ -48,10 +48,13 @@ class StillAtLimits(LimitedMotors, ExtendedJacobianControl):
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again with an empty state."""
         self._limits = np.full(robot.nz, np.inf) if self._acting is None else self._acting
+        self._limited = bool(np.isfinite(self._limits).any())
         super().reset(robot, task, dt)
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque for the tick, shape (nz,); see :class:`Controller`."""
+        if not self._limited:
+            return super().step(t, q, z, z_dot)
         before = self._state.copy()
         v = super().step(t, q, z, z_dot)
         if (np.abs(v) > self._limits).any():
