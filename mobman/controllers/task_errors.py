@@ -42,7 +42,7 @@ class Stop(IntEnum):
 
 
 class Tracking(NamedTuple):
-    """What kernels of laws take of a :class:`TaskSpace`, and the state."""
+    """Arguments that kernels of laws take of a :class:`TaskSpace`, and the state."""
 
     f: Vector
     J: Matrix

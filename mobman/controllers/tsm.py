@@ -411,7 +411,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
 
     @classmethod
     def uses_with(cls, gains: Mapping[str, Any]) -> tuple[str, ...]:
-        """What it uses with some gains: the hedge the limits, too."""
+        """Information that it uses with some gains: the hedge the limits, too."""
         return cls.uses + ("limits",) * (gains.get("saturation") == "hedge")
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:

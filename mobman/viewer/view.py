@@ -342,7 +342,7 @@ class LiveRun:
         return (self._samples[last][0] - self._samples[first][0]) / passed
 
     def _states(self, samples: list[tuple[float, Array, Array, Array]]) -> SimpleNamespace:
-        """What a scene needs of a record, at some samples."""
+        """States that a scene shows of a record, at some samples."""
         arrays = map(np.array, zip(*samples, strict=True))
         parts = dict(zip(("t", "q", "z", "torque"), arrays, strict=True))
         space, seen = self._space, []

@@ -11,7 +11,7 @@ import mobman as mm
 from mobman.benchmark.report.data import _base_of
 from mobman.benchmark.report.findings import limitations_of
 from mobman.benchmark.report.standings import board_of, clusters, unit_of
-from mobman.benchmark.report.tables import leaderboard_table, pairs_table
+from mobman.benchmark.report.tables import information_table, leaderboard_table, pairs_table
 from mobman.robots.catalogue import find_spec
 
 
@@ -116,3 +116,33 @@ def test_laws_that_differ_anywhere_are_not(error, laws):
 def test_rounding_is_no_difference():
     found = runs({"tsm": 1e-14, "inverse": 5e-14}, [f"base{i}" for i in range(12)], **LAWS)
     assert [s.twins for s in board_of(found).ranked] == [("inverse",)]
+
+
+@pytest.mark.parametrize(("factor", "twins"), [(1.5, ("inverse",)), (3.0, ()), (math.inf, ())])
+def test_one_cell_in_which_twins_differ(factor, twins):
+    """A little, as near rounding; by more, or by an early end, they are two."""
+    rows = list(runs({"tsm": 1e-6, "inverse": 1e-6}, [f"base{i}" for i in range(12)], **LAWS).rows)
+    rows[1] = made_up_run("inverse", 1e-6 * factor, robot="base0", base="base0", **LAWS["inverse"])
+    assert board_of(results_of(rows)).ranked[0].twins == twins
+
+
+def test_information_is_that_of_the_gains_and_the_best_of_each_group_is_marked():
+    laws = {
+        "hedge": {"law": "tsm", "gains": {"saturation": "hedge"}},
+        "tsm": {"law": "tsm"},
+        "time-delay": {"law": "time-delay"},
+    }
+    errors = {"hedge": 1e-9, "time-delay": 1e-6, "tsm": 1e-3}
+    found = runs(errors, [f"base{i}" for i in range(12)], **laws)
+    groups, marks = {}, {}
+    for row in information_table(found, board_of(found)).rows:
+        if len(row) == 1:
+            members = groups.setdefault(row[0].text, [])
+        else:
+            members.append(row[0].text)
+            marks[row[0].text] = row[-2].mark
+    assert groups == {
+        "use z', M, J', limits": ["hedge", "time-delay"],
+        "use z', M, J'": ["tsm"],
+    }
+    assert marks == {"hedge": "best", "time-delay": "", "tsm": ""}

@@ -97,3 +97,21 @@ def test_a_claim_that_cannot_be_checked_is_refused():
     for wrong in ({"text": "none"}, {"tolerance": 1.0}, {"value": "0"}):
         with pytest.raises(ValueError, match="a tolerance above 1"):
             replace(CLAIMS[0], **wrong)
+
+
+@pytest.mark.parametrize(
+    ("other", "same"),
+    [
+        ("| `tsm` | 1.9e-9 | 46 of 48 |", True),
+        ("| `tsm` | 8e-9 | 46 of 48 |", False),
+        ("| `tsm` | 2e-9 | 45 of 48 |", False),
+        ("| `mpc` | 2e-9 | 46 of 48 |", False),
+    ],
+)
+def test_counts_of_a_table_are_the_same_and_other_numbers_near(other, same):
+    assert table.alike("| `tsm` | 2e-9 | 46 of 48 |", other) == same
+
+
+def test_a_word_that_fits_nothing_is_an_error(capsys):
+    assert table.main(["nosuchword"]) == 2
+    assert "'nosuchword'" in capsys.readouterr().out

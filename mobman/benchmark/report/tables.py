@@ -166,7 +166,7 @@ def information_table(results: Results, board: Board) -> Table:
     groups: dict[tuple[str, ...] | None, list[Standing]] = {}
     for s in board.standings:
         run = runs.loc[s.label]
-        groups.setdefault(information_of(str(run.law), run.settings), []).append(s)
+        groups.setdefault(information_of(str(run.law), run.gains), []).append(s)
     rows: list[list[Entry | str]] = []
     for uses, members in groups.items():
         what = "not said" if uses is None else ", ".join(uses) or "none of these"

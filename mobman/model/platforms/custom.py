@@ -148,7 +148,7 @@ class Custom(Platform):
         return platform
 
     def _given(self, name: str, *arguments: Array) -> Array | None:
-        """What one of the user's functions gives, None if it is not there."""
+        """Result of one of the user's functions, None if it is not there."""
         function = getattr(self._definition, name, None)
         if function is None:
             return None
