@@ -18,7 +18,7 @@ from mobman.cli.options import complete, reports
 from mobman.cli.output import console, echo, note, number, print_json, table
 from mobman.cli.robots_add import add
 from mobman.errors import MobmanError, UnknownNameError, UsageError
-from mobman.robots.spec import NAME, RobotSpec
+from mobman.robots.spec import RobotSpec
 
 if TYPE_CHECKING:
     from mobman.model.mobile_manipulator import MobileManipulator
@@ -172,7 +172,7 @@ def remove(name: str, as_json: bool) -> None:
 
     folder = user_robots_folder()
     file = folder / f"{name}.toml"
-    if not re.fullmatch(NAME, name) or not os.path.lexists(file):
+    if file.parent != folder or not os.path.lexists(file):  # a name that is no path
         if name in own_robots():
             raise UsageError(f"the robot {name!r} comes with mobman and stays")
         if name in list_robots():

@@ -352,8 +352,8 @@ def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:
             parts.append("turns without limits" if endless else f"{turns:.3g} rad of turning")
         follow, they = ("follows", "it is") if len(found) == 1 else ("follow", "they are")
         said.append(
-            f"{names_of(joint for joint, _ in found)} {follow} {name} by <mimic>, which does not move: "
-            f"{they} held, which takes "
+            f"{names_of(joint for joint, _ in found)} {follow} {name} by <mimic>, which is none "
+            f"of the arm's free joints: {they} held, which takes "
             + (" and ".join(parts) or "nothing, as their limits leave no way")
         )
     return said

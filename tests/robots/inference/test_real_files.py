@@ -465,6 +465,10 @@ def test_robots_are_removed_with_their_copies(mobman_robots, tmp_path, data_home
     none = "no robot of the name 'mine' was added by you; added: mine.two"
     for name, word in (("mine", none), ("tiago", "comes with"), ("../a", "'../a' was added")):
         assert word in refusal(mobman_robots("remove", name))
+    by_hand = data_home / "mobman/robots/with space.toml"
+    by_hand.write_text((data_home / "mobman/robots/mine.two.toml").read_text())
+    assert mobman_robots("remove", "with space").exit_code == 0
+    assert not by_hand.exists()
 
 
 def test_one_broken_robot_stops_no_suite(mobman_robots, tmp_path, data_home):
