@@ -101,20 +101,41 @@ class BoundKernels:
 
 
 def _machine_code(function: Any, arguments: tuple[Any, ...]) -> Callable[[], Any]:
-    types = tuple(map(numba.typeof, arguments))
-    file = Path(plain(function).__code__.co_filename)
-    if unsafe() or f"{file.stem}.{function.__qualname__}" not in _kept():
-        _say_that_it_takes_time()
-    try:
-        function.compile(types)
-    except numba.NumbaError:
-        raise
-    except Exception:  # whatever unpickling half a file may raise
-        for kept in kernel_folder().rglob("*.nb?"):
-            kept.unlink(missing_ok=True)
-        function.compile(types)
+    types = tuple(map(_type_of, arguments))
+    if types not in function.overloads:  # to ask for it again takes 0.1 ms
+        file = Path(plain(function).__code__.co_filename)
+        if unsafe() or f"{file.stem}.{function.__qualname__}" not in _kept():
+            _say_that_it_takes_time()
+        try:
+            function.compile(types)
+        except numba.NumbaError:
+            raise
+        except Exception:  # whatever unpickling half a file may raise
+            for kept in kernel_folder().rglob("*.nb?"):
+                kept.unlink(missing_ok=True)
+            function.compile(types)
     # behind the dispatcher, which would look at the arguments' types at every call
     return partial(function.get_overload(types), *arguments)
+
+
+_known_types: dict[Any, Any] = {}
+
+
+def _type_of(argument: Any) -> Any:
+    """numba's type of an argument that fits; a run asks for that of a thousand arrays, 10 us each."""
+    kind = _kind(argument)
+    if kind not in _known_types:
+        _known_types[kind] = numba.typeof(argument)
+    return _known_types[kind]
+
+
+def _kind(argument: Any) -> Any:
+    """What an argument's type depends on."""
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.c_contiguous
+    if isinstance(argument, tuple):
+        return type(argument), *map(_kind, argument)
+    return type(argument)
 
 
 def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
