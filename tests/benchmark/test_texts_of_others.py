@@ -207,7 +207,7 @@ def test_latex(name, tmp_path, monkeypatch):
 COMMANDS = set(
     re.findall(
         r"\\[a-z]+",
-        r"\documentclass\usepackage\begin\end\section\input\includegraphics\centering\caption\label"
+        r"\documentclass\usepackage\IfFileExists\begin\end\section\input\includegraphics\centering\caption\label"
         r"\resizebox\ifdim\width\linewidth\else\fi\toprule\midrule\bottomrule\addlinespace"
         r"\multicolumn\boldmath\textbf\textbackslash\textasciitilde\textasciicircum\textless"
         r"\textgreater\textbar\textquotedbl\textasciigrave\infty\times\cdot\textsuperscript\textmu"

@@ -51,9 +51,11 @@ _EXPONENT = re.compile(r"(?<![\w.])(-?[0-9.]+)e(-?[0-9]+)\b")
 _NUMBER = r"([-−]?[0-9]+(?:\.[0-9]+)?(?:e-?[0-9]+)?)"
 _ALONE = re.compile(rf"{_NUMBER}(?: to {_NUMBER})?( %)?")
 _MOST_NAMES = 6  # groups of a caption
+_COLUMN = 75  # characters of a table that a column has room for, made a little smaller
 _PREAMBLE = r"""% For LaTeX, in this folder; figures have their size.
 \documentclass[twocolumn]{article}
 \usepackage[T1]{fontenc}
+\IfFileExists{lmodern.sty}{\usepackage{lmodern}}{}
 \usepackage{textcomp}
 \usepackage{amsmath}
 \usepackage{booktabs}
@@ -185,7 +187,8 @@ def _example(
     for name, table in contents.items():
         caption = table.caption if name.startswith("results-") else f"{table.caption}; {where}"
         content = _FIT.replace("NAME", name)
-        parts.append(_float(f"table{star}", f"tab:{name}", escape(f"{caption}."), content))
+        kind = "table" + (star or "*" * (_width(table) > _COLUMN))
+        parts.append(_float(kind, f"tab:{name}", escape(f"{caption}."), content))
     for name, figure in figures.items():
         caption = figure.charts[0]["description"]
         if not any(cell in caption for cell in results.cells.name):
@@ -193,6 +196,12 @@ def _example(
         included = rf"\includegraphics[scale=1]{{{name}.pdf}}"
         parts.append(_float(f"figure{star}", f"fig:{name}", escape(f"{caption}."), included))
     return "\n\n".join([*parts, r"\end{document}", ""])
+
+
+def _width(table: Table) -> int:
+    """The characters of a table's longest entries, and a gap for each column."""
+    rows = [row for row in (table.columns, *table.rows) if len(row) == len(table.columns)]
+    return sum(2 + max(len(row[i].text) for row in rows) for i in range(len(table.columns)))
 
 
 def _where(results: Results) -> str:
