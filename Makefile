@@ -2,8 +2,8 @@
 
 PYTHON ?= python3
 SUITE ?= paper
-# The suites of make table; their tables stand in docs/suites.md.
-TABLE ?= table table-tuned
+# What make table renews: words of the commands of tables, see docs/claims.py
+TABLE ?= suite_table.py table
 # Of the script that the target runs: make speed OPTIONS=--quick, make browser OPTIONS=--dry-run
 OPTIONS ?=
 RESULTS := results
@@ -39,7 +39,7 @@ test: $(VENV)/installed-test ## set up with test extras, run lint, types and tes
 test-slow: $(VENV)/installed-test ## the longer studies among the tests
 	$(PYTEST) -m slow
 
-nightly: test test-slow ## every test, and the longer studies: 500 made robots among them
+nightly: test test-slow claims ## every test, the longer studies, 500 made robots among them, and make claims
 
 lowest: $(VENV)/python ## try the lowest versions that pyproject.toml allows, in build/lowest (ten minutes)
 	$(BIN)/python .ci/lowest.py $(OPTIONS)
@@ -60,17 +60,11 @@ format: $(VENV)/installed-test ## let ruff format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-claims: $(VENV)/installed ## renew the numbers of README and docs that runs produced; fails if one drifted
+claims: $(VENV)/installed-test ## renew the numbers of README and docs that runs produced, some hours; fails if one drifted
 	$(BIN)/python docs/claims.py $(OPTIONS)
 
-define write_table
-	$(BIN)/mobman bench run $(1) --redo-changed -o $(RESULTS)/$(basename $(notdir $(1)))
-	$(BIN)/python docs/table.py $(RESULTS)/$(basename $(notdir $(1))) docs/suites.md
-
-endef
-
-table: $(VENV)/installed-test ## every law in what robots meet: run the suites table and table-tuned (an hour), write them into docs/suites.md
-	$(foreach suite,$(TABLE),$(call write_table,$(suite)))
+table: $(VENV)/installed-test ## of these, every law in what robots meet: the suites table and table-tuned (an hour)
+	$(BIN)/python docs/claims.py "$(TABLE)"
 
 pictures: bench $(VENV)/installed-film ## draw the pictures of README and docs; this needs a browser
 	$(BIN)/python docs/pictures.py $(OPTIONS) $(OUT) $(IMAGES)

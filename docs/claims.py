@@ -13,7 +13,6 @@ import shlex
 import subprocess
 import sys
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -114,18 +113,6 @@ def apart(one: mm.Record, other: mm.Record, name: str = "q") -> float:
 def ends(record: mm.Record) -> float:
     """When a run ends early (s); infinite for one that goes to its end."""
     return np.inf if record.status == "ok" else float(record.t[-1])
-
-
-NEWER = ("fetch", "hsr", "kmr", "locobot", "mobile", "ranger", "stretch", "turtlebot3")
-FIRST = [name for name in mm.list_robots() if name.partition("_")[0] not in NEWER]
-"""The 16 robots that were there first, which studies of the docs are of."""
-
-
-@cache
-def over_robots(law: str, scenario: str = "heavier") -> float:
-    """The median over robots of the largest |e^e| in the last 2 s of 10 s of ``circle`` (m)."""
-    runs = (run(law, robot, "circle", scenario=scenario) for robot in FIRST)
-    return float(np.median([after(r, 8.0) if r.status == "ok" else np.inf for r in runs]))
 
 
 def found_by(claim: Claim) -> float:

@@ -1,8 +1,8 @@
 """Draw the pictures of README and docs: from the results of the suite `paper`, and of robots and runs.
 
-python docs/pictures.py results/paper docs/images --fair results/fair
+python docs/pictures.py results/paper docs/images --fair results/claims/fair
 
-With ``--fair``, the leaderboard of the suite ``fair`` is drawn, too. With ``--quick``, runs are short,
+With ``--fair``, the leaderboards of the suite ``fair`` are drawn, too. With ``--quick``, runs are short,
 of a small robot, and views small: to try it.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,10 +51,15 @@ def error_picture(store: Store, robot: str, scenarios: tuple[str, ...], path: Pa
 
 
 def leaderboard_picture(store: Store, path: Path) -> None:
-    """The leaderboard of a suite's report."""
+    """The leaderboards of a suite's scenarios, side by side."""
     results = read_results(store)
-    figure = leaderboard_figure(board_of(results), looks_for(results))
-    write_all({path: drawn(figure.charts[0], "png")})
+    charts = []
+    for scenario in dict.fromkeys(row["scenario"] for row in results.rows):
+        rows = [row for row in results.rows if row["scenario"] == scenario]
+        board = board_of(replace(results, rows=rows))
+        chart = leaderboard_figure(board, looks_for(results)).charts[0]
+        charts.append(chart | {"title": scenario})
+    write_all({path: drawn(beside(charts, across=True), "png")})
 
 
 def views(folder: Path, quick: bool = False) -> None:

@@ -63,7 +63,8 @@ class Checkout:
             )
         for name in ("docs", "docs/images", "tests", "tests/support", ".venv", ".venv/bin"):
             (folder / name).mkdir()
-        for name in ("Makefile", "pyproject.toml", "docs/pictures.py", "docs/table.py"):
+        scripts = ("docs/pictures.py", "docs/suite_table.py", "docs/claims.py", "docs/claims.toml")
+        for name in ("Makefile", "pyproject.toml", "README.md", *scripts):
             shutil.copy(ROOT / name, folder / name)
         (folder / "small.toml").write_text(SUITE)
         (folder / "tests" / "test_small.py").write_text(TESTS.lstrip())
@@ -153,27 +154,28 @@ def test_help_says_what_every_target_does(checkout):
 
 @pytest.fixture(scope="module")
 def results(checkout):
-    """Of ``make table``, which runs its suite as ``make bench`` does."""
-    page = checkout.folder / "docs" / "suites.md"
-    page.write_text("Before.\n\n<!-- results: small -->\n\n<!-- end -->\n\nAfter.\n")
-    checkout.make("table", "TABLE=small.toml")
+    """Of ``make bench``."""
+    checkout.make("bench", "SUITE=small.toml")
     return checkout.folder / "results" / "small"
 
 
-def test_bench_writes_results_and_report(checkout, results):
-    (command,) = checkout.make("bench", "SUITE=small.toml", "--dry-run").splitlines()
-    first = checkout.make("table", "TABLE=small.toml", "--dry-run").splitlines()[0]
-    assert command == first.replace(" --redo-changed", "")
+def test_bench_writes_results_and_report(results):
     assert (results / "report.html").is_file()
     assert len(list((results / "runs").glob("*.h5"))) == 4
 
 
-@pytest.mark.usefixtures("results")
 def test_table_is_written_into_its_page(checkout):
-    text = (checkout.folder / "docs" / "suites.md").read_text(encoding="utf-8")
-    assert text.startswith("Before.")
-    assert text.endswith("After.\n")
+    page = checkout.folder / "docs" / "suites.md"
+    command = "docs/suite_table.py small.toml --rows controller,uses --below 1e-4"
+    head = f"Before.\n\n<!-- by: {command} -->\n| law | uses | `nominal` |\n|---|---|---|\n"
+    page.write_text(f"{head}| `tsm` | old |\n<!-- end -->\n\nAfter.\n")
+    said = checkout.make("table", "TABLE=small.toml", status=2)  # the numbers drifted
+    assert "1 drifted" in said or "rows DRIFTED" in said
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith(head)
+    assert text.endswith("<!-- end -->\n\nAfter.\n")
     assert re.search(r"^\| `tsm` \| z', M, J' \| [^|]*\(\d\) \|", text, re.MULTILINE)
+    assert "all hold" in checkout.make("table", "TABLE=small.toml")
 
 
 @pytest.mark.slow
@@ -237,7 +239,9 @@ def test_slow_runs_the_slow_ones_alone(checkout):
 def test_nightly_runs_every_test(checkout):
     said = checkout.make("nightly", "--dry-run")
     assert said.count("pytest -n auto") == 2
-    assert "-m slow" in said.strip().splitlines()[-1]
+    slow, claims = said.strip().splitlines()[-2:]
+    assert "-m slow" in slow
+    assert claims.endswith("docs/claims.py")
 
 
 def test_lowest_asks_for_the_lowest_version_of_every_library(checkout):
@@ -296,14 +300,21 @@ def test_system_packages_come_first_for_root(browser_script):
         assert command == [sys.executable, "-m", "playwright", "install", "chromium"]
 
 
-def test_ci_requires_the_browser_that_it_installs(checkout, tmp_path):
-    log, fake = tmp_path / "log", tmp_path / "make"
-    fake.write_text(f'#!/bin/sh\necho "$1 ${{MOBMAN_REQUIRE_BROWSER:-0}}" >> "{log}"\n')
-    fake.chmod(0o755)
+def test_ci_requires_what_it_installs(checkout, tmp_path):
+    log = tmp_path / "log"
+    required = "${MOBMAN_REQUIRE_BROWSER:-0} ${MOBMAN_REQUIRE_LATEX:-0}"
+    for name in ("make", "pdflatex"):
+        fake = tmp_path / name
+        fake.write_text(f'#!/bin/sh\necho "$1 {required}" >> "{log}"\n')
+        fake.chmod(0o755)
     subprocess.run(
         ["bash", checkout.folder / ".ci" / "run"],
         env={"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"},
         stdin=subprocess.DEVNULL,
         check=True,
     )
-    assert log.read_text(encoding="utf-8").split("\n")[:-1] == ["browser 0", "test 1", "docs 1"]
+    assert log.read_text(encoding="utf-8").split("\n")[:-1] == [
+        "browser 0 0",
+        "test 1 1",
+        "docs 1 1",
+    ]

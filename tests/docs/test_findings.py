@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-from pathlib import Path
 
 import pytest
-
-DOCS = Path(__file__).parents[2] / "docs"
-_SPEC = importlib.util.spec_from_file_location("site_pages", DOCS / "site" / "pages.py")
-pages = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(pages)
+from support.pages import DOCS, section
 
 NUMBER = re.compile(r"(?<![\w.(-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w)])")
 
@@ -20,19 +14,6 @@ def answers():
     text = (DOCS / "findings.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (?!question|---)(.+?) \| (.+?) \| .+ \|$", text, re.MULTILINE)
     return [pytest.param(answer, id=question) for question, answer in rows]
-
-
-def section(page: str, anchor: str) -> str:
-    """The text below a heading, up to the next of its level; all of a page without an anchor."""
-    text = (DOCS / page).read_text(encoding="utf-8")
-    if not anchor:
-        return text
-    headings = list(re.finditer(r"^(#+) (.+)$", text, re.MULTILINE))
-    for i, found in enumerate(headings):
-        if pages.anchor(found[2]) == anchor:
-            after = (one.start() for one in headings[i + 1 :] if len(one[1]) <= len(found[1]))
-            return text[found.end() : next(after, len(text))]
-    raise AssertionError(f"{page} has no section #{anchor}")
 
 
 @pytest.mark.parametrize("answer", answers())
