@@ -1,9 +1,10 @@
-"""Tables of docs/ground.md: how hard ground approaches the ideal plant, and the least friction on which
-a law holds.
+"""Tables of docs/ground.md: how hard ground approaches the ideal plant, and what holds on it.
 
-    python benchmarks/ground.py convergence [ROBOT ...]
-    python benchmarks/ground.py survey [LAW ...] [--robot ROBOT]
-    python benchmarks/ground.py friction [LAW ...] [--robot ROBOT] [--scenarios SCENARIO ...]
+python benchmarks/ground.py convergence [ROBOT ...]
+python benchmarks/ground.py survey [LAW ...] [--robot ROBOT]
+python benchmarks/ground.py holds [ROBOT ...]
+python benchmarks/ground.py start [ROBOT ...]
+python benchmarks/ground.py friction [LAW ...] [--robot ROBOT] [--scenarios SCENARIO ...]
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from typing import Any
 import numpy as np
 
 import mobman as mm
+from mobman.simulation.contact import MuJoCo
+from mobman.simulation.traction import traction
 
 HOLDS = 1e-3
 """m: a law holds where the tip's error stays below it in the steady part of a run."""
@@ -22,6 +25,7 @@ SMOOTH = "pseudo-inverse"
 """Law of the comparison with the ideal plant: it uses no z', and is smooth."""
 LAWS = ("tsm", "tsm-null-space", "time-delay", "extended-jacobian", "computed-torque-integral")
 COMPARED = ("tsm", "tsm-null-space", "computed-torque-integral", "time-delay", "extended-jacobian")
+STARTED = ("tiago_no_hand", "youbot", "husky_ur5", "ranger_xarm7")
 SURVEYED = (
     *("nominal", "heavier", "wrong-motors", "uncertain-kinematics", "contact", "noisy"),
     *("real-limits", "delayed", "realistic"),
@@ -82,17 +86,46 @@ def least_friction(
 
 def late_error(robot: str, law: str, scenario: str, duration: float = 8.0) -> str:
     """Largest |e^e| of the last fifth of the default circle (m), or how the run ended."""
-    record = mm.simulate(robot, law, "circle", duration=duration, scenario=scenario)
+    return late(mm.simulate(robot, law, "circle", duration=duration, scenario=scenario), duration)
+
+
+def late(record: mm.Record, duration: float) -> str:
+    """Largest |e^e| of the last fifth (m), or how the run ended."""
     if not record.ok:
         return f"{record.status} at {record.t[-1]:.2g} s"
-    late = record.task_error[record.t >= 0.8 * duration, :3]
-    return f"{np.linalg.norm(late, axis=1).max():.1e}"
+    size = np.linalg.norm(record.task_error[record.t >= 0.8 * duration, :3], axis=1).max()
+    return f"{size:.1e}"
+
+
+def held(robot: str) -> list[str]:
+    """Error of ``tsm``, its slip (m/s) and true error of the tip (m); error of ``tsm-null-space``."""
+    found, other = (
+        mm.simulate(robot, law, "circle", duration=10.0, scenario="contact")
+        for law in ("tsm", "tsm-null-space")
+    )
+    metrics = (found.metrics.get(name, np.nan) for name in ("slip_max", "true_error_max"))
+    cells = (f"{value:.1e}" if np.isfinite(value) else "–" for value in metrics)
+    return [late(found, 10.0), *cells, late(other, 10.0)]
+
+
+def started(robot: str) -> list[str]:
+    """From 4 m behind: the cap on acceleration (m/s^2), error without caps and with, friction used."""
+    cap = traction(mm.load_robot(robot), MuJoCo(friction=0.8)).a_max()
+    scenario = mm.load_scenario("contact").model_copy(update={"start_offset": 4.0})
+    free, capped = (
+        mm.simulate(
+            robot, mm.make_controller("tsm", **caps), "circle", duration=16.0, scenario=scenario
+        )
+        for caps in ({}, {"v_max": 1.0, "a_max": cap})
+    )
+    used = f"{capped.metrics['grip_used']:.2f}"
+    return [f"{cap:.1f}", late(free, 16.0), late(capped, 16.0), used]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", choices=("convergence", "friction", "survey"))
+    parser.add_argument("table", choices=("convergence", "friction", "survey", "holds", "start"))
     parser.add_argument("names", nargs="*", help="robots, or laws")
     parser.add_argument("--robot", default="tiago_no_hand")
     parser.add_argument("--scenarios", nargs="+", default=("contact", "heavier"))
@@ -102,6 +135,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for ground in _GROUNDS:
                 tip, base = distance_to_ideal(robot, *ground)
                 print(f"| `{robot}` | {ground[0]:g} | {tip:.1e} | {base:.1e} |", flush=True)
+        return
+    if given.table in ("holds", "start"):
+        row = held if given.table == "holds" else started
+        for robot in given.names or (mm.list_robots() if row is held else STARTED):
+            print(f"| `{robot}` | {' | '.join(row(robot))} |", flush=True)
         return
     if given.table == "survey":
         for scenario in SURVEYED:

@@ -3,6 +3,7 @@
 python benchmarks/uncertain.py error [LAW ...] [--robots ROBOT ...] [--shares SHARE ...] [--tip modelled]
 python benchmarks/uncertain.py condition [ROBOT ...] [--shares SHARE ...]
 python benchmarks/uncertain.py margin [LAMBDA_2 ...] [--lambda_1 LAMBDA_1]
+python benchmarks/uncertain.py zero [DEGREES ...]
 python benchmarks/uncertain.py motors [FACTOR ...] [--scales SCALE ...]
 python benchmarks/uncertain.py singular [LAW ...]
 """
@@ -32,6 +33,7 @@ LAWS = (
 )
 ROBOTS = ("youbot", "tiago_no_hand", "husky_ur5", "ridgeback_panda", "hunter_ur10", "fixed_panda")
 SHARES = (0.01, 0.03, 0.1)
+TABLES = ("error", "condition", "margin", "zero", "motors", "singular")
 
 
 def wrong(share: float, tip: str = "measured") -> mm.Scenario:
@@ -110,6 +112,17 @@ def margin(lambda_1: float, lambda_2: float) -> float:
     return low
 
 
+def diverging(lambda_1: float, lambda_2: float, size: float, seeds: int = 300) -> int:
+    """How many of so many random Delta of a norm the law does not converge with."""
+    random, found = np.random.default_rng(0), 0
+    for _ in range(seeds):
+        wrong = random.standard_normal((3, 3))
+        turn = np.eye(3) + size / np.linalg.norm(wrong, 2) * wrong
+        e = np.array([1.0, 0.3, -0.5])
+        found += not sliding_motion(lambda_1, lambda_2, turn, e, 40.0, 5e-4) < 1e-3
+    return found
+
+
 def cranked(dead: float | None = None) -> mm.MobileManipulator:
     """The youBot's arm and body on a base whose turning motor has no lever at the heading ``dead``."""
     folder = resource_folder("robots")
@@ -143,7 +156,7 @@ def passage(law: str, scenario: str, time: float, duration: float = 10.0) -> str
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("table", choices=("error", "condition", "margin", "motors", "singular"))
+    parser.add_argument("table", choices=TABLES)
     parser.add_argument("names", nargs="*")
     parser.add_argument("--robots", nargs="+", default=ROBOTS)
     parser.add_argument("--shares", nargs="+", type=float, default=SHARES)
@@ -170,9 +183,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for lambda_2 in map(float, given.names or (6, 12, 24, 48)):
             angle = margin(given.lambda_1, lambda_2)
             size = 2.0 * math.sin(0.5 * angle)
-            print(
-                f"| {given.lambda_1:g} | {lambda_2:g} | {math.degrees(angle):.0f}° | {size:.2f} |"
-            )
+            found = diverging(given.lambda_1, lambda_2, size)
+            cells = f"{lambda_2:g} | {math.degrees(angle):.0f}° | {size:.2f} | {found} of 300"
+            print(f"| {given.lambda_1:g} | {cells} |", flush=True)
+    elif given.table == "zero":
+        for degrees in map(float, given.names or (15, 25, 40)):
+            piece = {"type": "zeros", "links": "panda_joint1", "offset": math.radians(degrees)}
+            scenario = mm.Scenario(name="zero", kinematics=[piece], tip="measured")
+            found = [
+                error("fixed_panda", mm.make_controller("tsm", lambda_2=gain), scenario, 8.0)
+                for gain in (6.0, 24.0)
+            ]
+            print(f"| {degrees:g}° | {' | '.join(found)} |", flush=True)
     elif given.table == "singular":
         for law in given.names or ("tsm", "tsm-inverse-actuation"):
             for scenario in ("nominal", "heavier"):
