@@ -1,4 +1,4 @@
-"""The documentation against the code: examples run, tables are the code's, links lead somewhere.
+"""The documentation against the code: tables are the code's, links lead somewhere.
 
 Tables of what the code declares stand between ``<!-- table: NAME -->`` and ``<!-- end -->``;
 ``python tests/docs/test_docs.py`` writes them anew.
@@ -12,14 +12,12 @@ import os
 import re
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 import mobman as mm
-from mobman.benchmark.runner import run_suite
-from mobman.benchmark.suite import Suite, load_suite
+from mobman.benchmark.suite import load_suite
 from mobman.controllers.protocol import INFORMATION, controllers
 from mobman.files import resource_folder
 from mobman.model.platforms.body import Body
@@ -70,7 +68,6 @@ OWN_TASKS = [
     "kinematic-singularity",
     "algorithmic-singularity",
 ]
-PYTHON = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 TABLE = re.compile(r"(<!-- table: ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
@@ -193,65 +190,6 @@ def _first_cells(page: Path, heading: str) -> list[str]:
     """The names in backquotes in the first column of the tables under a heading."""
     section = page.read_text(encoding="utf-8").split(f"\n## {heading}\n")[1].split("\n## ")[0]
     return re.findall(r"^\| `([^`]+)` \|", section, re.MULTILINE)
-
-
-def _small_results(folder: Path) -> None:
-    """Results of a suite of two short runs, as ``mobman bench run`` leaves them."""
-    suite = Suite.model_validate(
-        {
-            "schema": 1,
-            "name": "paper",
-            "duration": 0.02,
-            "controllers": {name: {"law": name} for name in ("tsm", "pseudo-inverse")},
-            "groups": [{"robots": ["youbot"], "tasks": ["paper"]}],
-        }
-    )
-    with ThreadPoolExecutor(1) as pool:
-        run_suite(suite, folder, executor=pool, report=False)
-
-
-@pytest.fixture(scope="module")
-def forks():
-    # not at the top: this file is a script, too, which does not find it
-    from support.forked import SHORT_RUNS, forks_of
-
-    with forks_of(
-        *("h5py", "pandas", "scipy.optimize", "scipy.stats", "xarray"),
-        *("mobman.simulation.simulate", "mobman.viewer.view"),
-        prepare=SHORT_RUNS,
-    ) as forks:
-        yield forks
-
-
-@pytest.mark.parametrize(
-    "page",
-    [README, *(page for page in PAGES if page.stem not in ("start", "own_suite"))],
-    ids=lambda page: page.stem,
-)
-def test_examples_run(page, forks, tmp_path):
-    """A page's Python blocks, one after the other, as one script in an empty folder; those of
-    pages whose commands come first are in test_tutorials.py.
-
-    In a process of its own: examples register things.
-    """
-    if page.stem == "results":
-        _small_results(tmp_path / "results" / "paper")
-    text = page.read_text(encoding="utf-8")
-    script = ""
-    for block in PYTHON.finditer(text):  # each on the lines that it has in the page
-        before = text[: block.start(1)].count("\n")
-        script += "\n" * (before - script.count("\n")) + block.group(1)
-    if not script.strip():
-        return
-    file = tmp_path / f"{page.stem}_examples.py"
-    file.write_text(script, encoding="utf-8")
-    if "__main__" in script:  # its workers import it again
-        done = subprocess.run(
-            [sys.executable, file.name], cwd=tmp_path, capture_output=True, text=True, timeout=600
-        )
-    else:
-        done = forks.run(file, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: page.stem)
