@@ -5,6 +5,7 @@ python benchmarks/theory.py metric
 python benchmarks/theory.py damping
 python benchmarks/theory.py bounds [ROBOT ...]
 python benchmarks/theory.py explicit
+python benchmarks/theory.py monitors [ROBOT ...]
 """
 
 from __future__ import annotations
@@ -144,15 +145,31 @@ def explicit_rows() -> Iterator[list[str]]:
         yield [f"{period:g}", f"`{form}`", f"{width:g}", f"{duration:g}", end(record), *cells]
 
 
+def monitor_rows(robots: Sequence[str]) -> Iterator[list[str]]:
+    """Of each stage: least regularity, largest share of its bound, and least margin of the gain."""
+    runs: Any = [("youbot", "paper", PAPERS, 8.0, 1e-3)]
+    for robot, task, bounds, duration, dt in runs + [(r, "circle", {}, 2.0, 2e-3) for r in robots]:
+        law = mm.make_controller("tsm", **bounds)
+        record = mm.simulate(robot, law, task, duration=duration, dt=dt, monitor=True)
+        names = ("regularity", "bound_ratio", "gain_margin")
+        stages = ("kinematic", "dynamic")
+        cells = [f"{record.metrics[f'{n}_{stage}']:.4g}" for stage in stages for n in names]
+        yield [f"`{robot}`", f"`{task}`", *cells]
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("table", choices=("gains", "metric", "damping", "bounds", "explicit"))
+    parser.add_argument(
+        "table", choices=("gains", "metric", "damping", "bounds", "explicit", "monitors")
+    )
     parser.add_argument("names", nargs="*", help="values of lambda_1, or robots")
     given = parser.parse_args(arguments)
     if given.table == "gains":
         values = map(float, given.names or (0.5, 1, 2, 5, 11, 20, 50))
         rows = ([f"{value:g}", f"{least_gain(value):.2f}"] for value in values)
+    elif given.table == "monitors":
+        rows = monitor_rows(given.names or mm.list_robots())
     elif given.table == "bounds":
         rows = bounds_rows(given.names or BOUNDED)
     else:
