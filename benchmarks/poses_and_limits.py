@@ -3,6 +3,7 @@
 python benchmarks/poses_and_limits.py pose [ROBOT ...]
 python benchmarks/poses_and_limits.py far [ROBOT ...]
 python benchmarks/poses_and_limits.py limits [ROBOT ...]
+python benchmarks/poses_and_limits.py within [ROBOT ...]
 python benchmarks/poses_and_limits.py steer
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 import argparse
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -57,6 +58,17 @@ def hedged(robot: mm.MobileManipulator, scenario: mm.Scenario | str) -> list[str
     ]
 
 
+def within(robot: mm.MobileManipulator) -> Iterator[str]:
+    """Of the laws that know the limits, 25 s: error at the end (m), largest ratio to a limit of torque
+    or velocity, and how far a joint went beyond its range (rad or m)."""
+    for law in ("whole-body-qp", "mpc"):
+        record = mm.simulate(robot, law, "circle", duration=25.0)
+        ratio = max(record.metrics[f"{name}_limit_ratio"] for name in ("torque", "velocity"))
+        yield f"{np.linalg.norm(record.task_error[-1, :3]):.1e}" if record.ok else _end(record)
+        yield f"{ratio:.2f}"
+        yield f"{record.metrics['position_limit_excess']:.1e}"
+
+
 def steered(name: str, field: str, value: float, duration: float) -> list[str]:
     """Error at the end (m), how far the platform has turned by then (rad), and the peak torque (N m)."""
     folder = resource_folder("robots")
@@ -82,7 +94,7 @@ def _end(record: mm.Record) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("table", choices=("pose", "far", "limits", "steer"))
+    parser.add_argument("table", choices=("pose", "far", "limits", "within", "steer"))
     parser.add_argument("robots", nargs="*")
     given = parser.parse_args(arguments)
     for case in STEERED if given.table == "steer" else ():
@@ -91,6 +103,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         robot = mm.load_robot(name)
         if given.table == "pose":
             cells = [str(robot.nz), *pose(robot)]
+        elif given.table == "within":
+            cells = list(within(robot))
         else:
             cells = hedged(robot, FAR if given.table == "far" else "real-limits")
         print(f"| `{name}` | {' | '.join(cells)} |", flush=True)
