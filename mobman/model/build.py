@@ -59,7 +59,7 @@ def load_robot(
     """
     if isinstance(name_or_path, pin.Model):
         kept = keep_urdf("robot.urdf", urdf_of(name_or_path).encode())
-        return build_robot(find_spec(kept, **facts))
+        return build_robot(find_spec(kept, f"the model {name_or_path.name!r}", **facts))
     if facts and isinstance(name_or_path, (RobotSpec, Mapping)):
         raise UsageError(f"{', '.join(facts)}: only for a URDF or a model; change the description")
     if isinstance(name_or_path, (RobotSpec, Mapping)):

@@ -106,7 +106,9 @@ def registered_as(described: Mapping[str, Any]) -> RobotSpec:
     )
 
 
-def find_spec(name_or_path: str | os.PathLike[str], **facts: Any) -> RobotSpec:
+def find_spec(
+    name_or_path: str | os.PathLike[str], made_of: str = "", /, **facts: Any
+) -> RobotSpec:
     """The description of a robot by name, or of a TOML file by path.
 
     Anything that ends in ``.toml`` or has a path separator is a path. A URDF, a xacro file, a folder or
@@ -114,6 +116,7 @@ def find_spec(name_or_path: str | os.PathLike[str], **facts: Any) -> RobotSpec:
 
     Args:
         name_or_path: The name or the path.
+        made_of: What messages name in the place of a URDF that was made of it.
         facts: Of a URDF what is not to be inferred: fields of :class:`Options`.
 
     Raises:
@@ -130,7 +133,7 @@ def find_spec(name_or_path: str | os.PathLike[str], **facts: Any) -> RobotSpec:
             status = os.stat(text)
             stamp = (status.st_mtime_ns, status.st_size)
         place = text if "://" in text else os.path.abspath(text)  # an address is refused as one
-        return _inferred(place, stamp, _options(facts))
+        return _inferred(place, stamp, _options(facts), made_of)
     if facts:
         raise UsageError(f"{', '.join(facts)}: only for a URDF or a model; {text!r} is neither")
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):
@@ -164,10 +167,10 @@ def _options(facts: Mapping[str, Any]) -> Options:
 
 
 @lru_cache(maxsize=64)
-def _inferred(path: str, stamp: tuple[int, int], options: Options) -> RobotSpec:
+def _inferred(path: str, stamp: tuple[int, int], options: Options, made_of: str) -> RobotSpec:
     """The description of a URDF, inferred and reported once for each state of the file."""
     try:
-        robot = describe(path, options)
+        robot = describe(path, options, made_of=made_of)
     except Undecided as error:
         raise UsageError(f"{error}; 'mobman robots add {path}' takes these options") from error
     facts = robot.found.summary()
@@ -176,8 +179,8 @@ def _inferred(path: str, stamp: tuple[int, int], options: Options) -> RobotSpec:
     locked = f"{len(facts['locked'])} joints locked"
     said = (*(f"uncertain: {doubt}" for doubt in robot.found.uncertain), *robot.warnings)
     warnings.warn(
-        f"{os.path.basename(path)} is taken as robot {robot.name!r}: {facts['platform']} platform"
-        f"{wheels}{radius}, arm of {len(facts['arm_joints'])} joints, tip {facts['tip']}, "
+        f"{made_of or os.path.basename(path)} is taken as robot {robot.name!r}: {facts['platform']} "
+        f"platform{wheels}{radius}, arm of {len(facts['arm_joints'])} joints, tip {facts['tip']}, "
         f"{'; '.join((locked, *said))}; 'mobman robots add {path}' writes it down, to be read and "
         "changed",
         stacklevel=4,

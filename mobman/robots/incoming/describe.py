@@ -68,7 +68,7 @@ class Described(NamedTuple):
         """The description itself, its files where they are."""
         sources = [part.source(part.file.path, None, self.packages) for part in self.parts]
         content = tomllib.loads(self.toml(sources))
-        where = f"{self.parts[0].file.path} as it is taken"
+        where = f"{self.parts[0].file.named} as it is taken"
         return validate(RobotSpec, {**content, "folder": Path.cwd()}, where)
 
 
@@ -82,6 +82,7 @@ def describe(
     mounts: Sequence[OnLink] = (),
     packages: Sequence[Path] = (),
     arguments: Mapping[str, str] | None = None,
+    made_of: str = "",
 ) -> Described:
     """Find out everything about a robot that its description needs.
 
@@ -94,6 +95,7 @@ def describe(
         mounts: What is to be mounted on it.
         packages: Folders of packages of meshes, and of xacro files.
         arguments: Of xacro files.
+        made_of: What the user gave, if the source was made of that.
 
     Raises:
         UsageError: If there is no such file, or several.
@@ -106,7 +108,9 @@ def describe(
         given = incoming(named, packages=packages, arguments=arguments)
         folders = (*given.packages, *given.path.parents)
         axis = up if mount is None else "z"
-        parts.append(UrdfPart(given, UrdfFile(given.path, folders, up=axis), mount))
+        made = given.origin is not None and given.origin != given.path
+        origin = made_of or (str(given.origin) if made else "")
+        parts.append(UrdfPart(given, UrdfFile(given.path, folders, up=axis, made_of=origin), mount))
     base = parts[0]
     inside = base.file.parse().get("name", "")
     chosen = choose_name(name, output, inside, base.given.origin or base.file.path)
@@ -142,4 +146,4 @@ def _mounted(parts: Sequence[UrdfPart]) -> UrdfFile:
     except SpecError as error:
         raise Undecided(f"{error} (by --on, --prefix)") from error
     base = parts[0].file
-    return UrdfFile(base.path, base.package_folders, ET.tostring(whole))
+    return UrdfFile(base.path, base.package_folders, ET.tostring(whole), made_of=base.made_of)

@@ -15,6 +15,7 @@ from mobman.robots.infer.wheels import (
     SAME_PLACE,
     SAME_RADIUS,
     Rolling,
+    around,
     pairs_of,
     rolling_wheels,
     what_to_name,
@@ -22,7 +23,6 @@ from mobman.robots.infer.wheels import (
 
 _MECANUM = r"mecanum|mechanum|swedish|omni"
 _PLANAR_DRIVE = r"mecanum|mechanum|planar_?move|omni_?(drive|directional)|holonomic"
-_BETWEEN = 0.25  # of the track: how far a turret's axis may be from the middle of its wheels
 _MECANUM_EXACT = 1e-3  # m; and the least ratio of singular values
 _AS_ASKED = "as asked for"
 
@@ -263,7 +263,7 @@ def _driven_wheels(wheels: list[Rolling]) -> tuple[list[Rolling], tuple[str, ...
     turrets: tuple[str, ...] = ()
     swivels, pairs = {w.swivel.name: w.swivel for w in carried if w.swivel}, pairs_of(carried)
     one_pair, alone = len(swivels) == len(pairs) == 1, len(carried) == len(wheels)
-    if not pairs_of(fixed) and one_pair and _around(carried[0].swivel, *pairs[0], alone=alone):
+    if not pairs_of(fixed) and one_pair and around(carried[0].swivel, *pairs[0], alone=alone):
         fixed, turrets = carried, tuple(swivels)
     named = [w for w in fixed if not w.says(CASTER)]
     groups: list[list[Rolling]] = []
@@ -298,18 +298,6 @@ def _alike(one: Rolling, other: Rolling) -> bool:
     radii = [w.radius for w in (one, other) if w.radius is not None]
     level = abs(float(one.centre[2] - other.centre[2])) <= SAME_PLACE
     return level and (len(radii) < 2 or abs(radii[0] - radii[1]) <= SAME_RADIUS)
-
-
-def _around(swivel: Joint | None, one: Rolling, other: Rolling, *, alone: bool) -> bool:
-    """True if two wheels are on either side of a swivel's axis, not both at a caster's fork: they are
-    farther apart than a wheel is long, or there are no others that could drive."""
-    assert swivel is not None
-    track = other.centre[:2] - one.centre[:2]
-    middle = 0.5 * (other.centre[:2] + one.centre[:2])
-    off = float(abs((swivel.centre[:2] - middle) @ track) / (track @ track))
-    wide, radius = float(np.linalg.norm(track)), one.radius or 0.0
-    # a radius above the track is in another unit
-    return off < _BETWEEN and (alone or wide > 2.0 * radius or radius > wide)
 
 
 def _turret(one: Rolling, other: Rolling) -> Joint | None:

@@ -20,7 +20,14 @@ from mobman.robots.infer.findings import (
     sideways,
 )
 from mobman.robots.infer.kinematics import Joint, Tree
-from mobman.robots.infer.wheels import SAME_PLACE, Rolling, footprint, lowest_point
+from mobman.robots.infer.wheels import (
+    SAME_PLACE,
+    Rolling,
+    around,
+    footprint,
+    lowest_point,
+    pairs_of,
+)
 
 # How much each kind of evidence for forward counts: names come before the root link and the arm together
 _NAMES, _ROOT, _ARM = 1.6, 1.0, 0.5
@@ -155,6 +162,14 @@ class Drive:
         turning = [w for w in wheels if w.name not in own]
         every = [*self.rolling, *turning]
         casters = [w for w in turning if w.swivel is not None or w.says(CASTER)]
+        trailed = [  # on an axle that a joint about the vertical draws: wider than a caster's fork
+            wheel
+            for pair in pairs_of(casters)
+            if (hitch := pair[0].swivel) is pair[1].swivel
+            and hitch
+            and around(hitch, *pair, alone=False)
+            for wheel in pair
+        ]
         none = "" if self.coordinates else f"wheels: {self.type.value} platforms have none"
         self.locks += lock_once(
             {name for lock in self.locks for name in lock.joints} | own,
@@ -162,6 +177,7 @@ class Drive:
                 [w.name for w in wheels if none],
                 none,
             ),  # they stay where they are for the axle's place
+            (_names((w.swivel, w.joint) for w in trailed), "a trailer's hitch and wheels"),
             (_names((w.swivel, w.joint, *w.rollers) for w in casters), "casters"),
             (
                 _names((w.steering, w.joint, *w.rollers) for w in turning),

@@ -131,9 +131,9 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     if questions or drive is None or arm is None:
         calls = dict.fromkeys(part.tag for part in robot if part.tag.startswith("xacro:"))
         left = f" (xacro did not expand {', '.join(calls)})" if calls else ""
-        raise Undecided(f"{urdf.path}: {'; and '.join(questions)}{left}")
+        raise Undecided(f"{urdf.made_of or urdf.path}: {'; and '.join(questions)}{left}")
     if not options.as_it_is and (size := _in_another_unit(tree, drive, radius, arm)):
-        raise Undecided(f"{urdf.path}: {size}")
+        raise Undecided(f"{urdf.made_of or urdf.path}: {size}")
     # mimic joints that follow the arm's and are no fingers: they are modelled
     following = {joint.name for joint in followers(tree, arm.joints)} - branches.fingers
     following -= drive.own | set(by_user)

@@ -92,7 +92,7 @@ class Tree:
     """Links and joints of a checked URDF with all joints at zero, and the shapes of the links."""
 
     def __init__(self, robot: ET.Element, urdf: UrdfFile) -> None:
-        where = f"the URDF {urdf.path}"
+        where = urdf.named
         self.robot, self._urdf, self._meshes = robot, urdf, MeshReader()
         self.root = root_link(robot, where)  # name of the root link
         self.links = {link.get("name", ""): link for link in robot.findall("link")}

@@ -31,6 +31,7 @@ _PARALLEL = 0.995
 _ROLLERS = 3  # joints behind a wheel that make rollers of them
 _FEW_JOINTS = 3  # in front of a wheel
 _SMALLEST = 0.005  # m; a wheel of that radius or less is one in another unit
+_BETWEEN = 0.25  # of the track: how far a turret's axis may be from the middle of its wheels
 _LEAST = 0.01  # m; a wheel's radius is above this
 _DIGITS = 5
 _OTHER = 0.1  # of the radius; what is asked for and differs by more is likely a slip
@@ -133,6 +134,18 @@ def pairs_of(wheels: Sequence[Rolling]) -> list[tuple[Rolling, Rolling]]:
         axle.sort(key=lambda wheel: float(wheel.centre[:2] @ first.across))
         pairs += [(axle[0], axle[-1])] if len(axle) >= 2 else []
     return pairs
+
+
+def around(swivel: Joint | None, one: Rolling, other: Rolling, *, alone: bool) -> bool:
+    """True if two wheels are on either side of a swivel's axis, not both at a caster's fork: they are
+    farther apart than a wheel is long, or there are no others that could drive."""
+    assert swivel is not None
+    track = other.centre[:2] - one.centre[:2]
+    middle = 0.5 * (other.centre[:2] + one.centre[:2])
+    off = float(abs((swivel.centre[:2] - middle) @ track) / (track @ track))
+    wide, radius = float(np.linalg.norm(track)), one.radius or 0.0
+    # a radius above the track is in another unit
+    return off < _BETWEEN and (alone or wide > 2.0 * radius or radius > wide)
 
 
 def _may_roll(tree: Tree, joint: Joint) -> bool:

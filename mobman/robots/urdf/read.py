@@ -62,6 +62,12 @@ class UrdfFile:
     within: tuple[Path, ...] | None = None
     """The folders that its meshes must lie in, apart from installed packages; None for any."""
     up: str = "z"  # the axis of its root link that points up, such as "y"
+    made_of: str = ""  # what the user gave, if it was made of that: messages name it
+
+    @property
+    def named(self) -> str:
+        """The file in messages."""
+        return f"the URDF made of {self.made_of}" if self.made_of else f"the URDF {self.path}"
 
     @cached_property
     def content(self) -> bytes:
@@ -101,7 +107,7 @@ class UrdfFile:
 
     @cached_property
     def _checked(self) -> tuple[ET.Element, tuple[str, ...]]:
-        where = f"the URDF {self.path}"
+        where = self.named
         robot, lines = parse_xml(self.content, where)
         if robot.tag != "robot":
             other = _OTHERS.get(robot.tag)

@@ -68,6 +68,21 @@ def test_casters_are_locked_even_if_as_large_as_the_wheels(inferred):
     assert locked(found, "casters") == casters
 
 
+def test_a_trailer_is_no_caster(inferred):
+    """Both its wheels are behind one joint, as those of a caster with two, but far apart."""
+    robot = differential()
+    for name, x, aside, radius in (("hitch", -0.4, 0.2, 0.1), ("fork", 0.3, 0.03, 0.04)):
+        robot.link(name).joint(f"{name}_joint", "continuous", "base_link", name, (x, 0, radius))
+        for side, y in (("r", -aside), ("l", aside)):
+            tyre = [robot.tyre(radius)]
+            robot.wheel(
+                f"{name}_{side}", (-0.02 if x > 0 else -0.5, y, 0), parent=name, collision=tyre
+            )
+    found = inferred(robot.arm())
+    assert locked(found, "trailer") == {"hitch_joint", "hitch_r", "hitch_l"}
+    assert locked(found, "casters") == {"fork_joint", "fork_r", "fork_l"}
+
+
 def test_smaller_wheels_in_parallel_do_not_drive(inferred):
     robot = differential()
     for side, y in (("r", -0.15), ("l", 0.15)):

@@ -170,6 +170,21 @@ def test_an_sdf_file_that_cannot_be_taken(tmp_path, more, beside, words):
     assert "m.sdf" in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("", "no driven wheels"),
+        ('<link name="b"><inertial><mass>-1</mass></inertial></link>', "mass"),
+    ],
+)
+def test_messages_of_inference_name_the_sdf_file(tmp_path, more, words):
+    (tmp_path / "m.sdf").write_text(MODEL.format(more=more, beside=""))
+    with pytest.raises(MobmanError, match=words) as error:
+        mm.load_robot(tmp_path / "m.sdf")
+    assert str(tmp_path / "m.sdf") in str(error.value).partition(words)[0]
+    assert "m.urdf" not in str(error.value)
+
+
 def test_what_a_urdf_cannot_hold_is_said(tmp_path):
     more = """<link name="b"><visual name="v"><geometry><ellipsoid/></geometry></visual>
     <sensor name="s" type="imu"/></link>
