@@ -97,6 +97,15 @@ def shortened(text: str, most: int) -> str:
     return f"{text[: most - 1 - end]}…{text[-end:]}"
 
 
+def in_lines(items: list[str], width: int) -> str:
+    """The items in lines that break between them alone."""
+    text, last = items[0], len(items[0])
+    for item in items[1:]:
+        fits = last + len(item) + 3 <= width  # with a semicolon behind it
+        text, last = f"{text};{' ' if fits else chr(10)}{item}", fits * (last + 2) + len(item)
+    return text
+
+
 def print_json(value: Any) -> None:
     """Print JSON; numbers that JSON has no word for (inf, NaN) are null."""
 

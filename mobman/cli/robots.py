@@ -77,7 +77,7 @@ robots.add_command(add)
 @click.argument("name", **complete("robots"))
 @reports
 def show(name: str, as_json: bool) -> None:
-    """Show the robot NAME (or the TOML file): joints, limits, rest posture, source."""
+    """Show the robot NAME (or a TOML file or URDF): joints, limits, rest posture, source."""
     content = _details(name)
     if as_json:
         print_json(content)
@@ -197,7 +197,7 @@ def remove(name: str, as_json: bool) -> None:
 @click.argument("name", **complete("robots"))
 @reports
 def bounds(name: str, as_json: bool) -> None:
-    """Compute what the theorems suppose of the robot NAME (or the TOML file): w_1 to w_9, a, A.
+    """Compute what the theorems suppose of the robot NAME (or a TOML file or URDF): w_1 to w_9, a, A.
 
     They hold over sampled states of the default task, with a margin; beside them the paper's.
     """
@@ -246,7 +246,7 @@ def bounds(name: str, as_json: bool) -> None:
 @reports
 @click.option("--no-simulation", is_flag=True, help="Leave out the checks that run a closed loop.")
 def check(name: str, as_json: bool, no_simulation: bool) -> None:
-    """Check the robot NAME (or the TOML file): masses, limits, geometry, equations, a closed loop.
+    """Check the robot NAME (or a TOML file or URDF): masses, limits, geometry, equations, a closed loop.
 
     Exit status 1 if something is wrong, 0 with warnings alone, 2 if the robot cannot be loaded.
     """

@@ -16,7 +16,7 @@ from click import BadParameter, Context, IntRange, Parameter, UsageError, argume
 from click.exceptions import Exit
 
 from mobman.cli.options import FILE, FORCE, PATH, PORT, check_new, complete, level, reports
-from mobman.cli.output import console, echo, note, number, print_json, progress_bar, table
+from mobman.cli.output import console, echo, in_lines, note, number, print_json, progress_bar, table
 from mobman.errors import FOREIGN_ERRORS, MobmanError, RecordError
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ _LAWS, _TASKS = complete("controllers"), complete("tasks")
 def run(
     robot: str, controller: str, task: str, output: Path | None, as_json: bool, **given: Any
 ) -> None:
-    """Simulate ROBOT (a name or a TOML file) under a controller and print what came of it.
+    """Simulate ROBOT (a name, a TOML file or a URDF) under a controller and print what came of it.
 
     Exit status 1 if the run diverged or met a singularity; its record is written all the same.
     """
@@ -209,7 +209,8 @@ def tell(
             if metric.short and metric.section in sections:
                 value = _with_unit(metrics[metric.name], metric.unit)
                 sections[metric.section].append(f"{metric.short}: {value}")
-        shown = [(f"  {section}", "; ".join(parts)) for section, parts in sections.items() if parts]
+        room = out.width - max(map(len, sections)) - 4
+        shown = [(f"  {name}", in_lines(parts, room)) for name, parts in sections.items() if parts]
         out.print(table(rows=shown))
     lines = []
     if record.spec.get("monitor"):

@@ -64,7 +64,7 @@ _TIME = (
 def view(
     what: tuple[str, ...], html: Path | None, png: Path | None, as_json: bool, **given: Any
 ) -> None:
-    """Look at ROBOT (a name or a TOML file), at a run, or at several runs in one scene.
+    """Look at ROBOT (a name, a TOML file or a URDF), at a run, or at several runs in one scene.
 
     Without an option that writes a file, the page is served until Ctrl-C.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import subprocess
 import sys
 
@@ -130,6 +131,17 @@ def test_tables_hold_at_80_columns(command, monkeypatch):
     lines = mobman(*command.split()).stdout.splitlines()
     assert len(lines) > 5
     assert max(map(len, lines)) <= 80
+
+
+def test_lines_of_metrics_break_between_items(monkeypatch):
+    found = []
+    for columns in ("80", "1000"):
+        monkeypatch.setenv("COLUMNS", columns)
+        text = mobman("run", "youbot", "--duration", "0.02").stdout.partition("timing")[0]
+        found.append([item.strip() for item in re.split(r"[;\n]", text) if item.strip()])
+    narrow, wide = found
+    assert narrow == wide
+    assert "lambda_min(J J^T) at least: " in "\n".join(narrow)
 
 
 def test_long_names_lose_their_middle():

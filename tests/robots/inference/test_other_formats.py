@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from made_urdf import differential
 
 import mobman as mm
+from mobman.cli.main import mobman
 from mobman.cli.robots import robots
 from mobman.errors import SpecError, UsageError
 from mobman.robots.incoming.incoming import incoming
@@ -32,7 +33,9 @@ def test_a_model_of_pinocchio(tmp_path, free_flyer):
     urdf = str(made.write(tmp_path / "cart.urdf"))
     base = (pin.JointModelFreeFlyer(),) if free_flyer else ()
     model = pin.buildModelFromUrdf(urdf, *base)
-    with pytest.warns(UserWarning, match="robots add"):
+    with pytest.raises(UsageError, match=r"^the model 'made': .*--wheel-radius"):
+        mm.load_robot(model)
+    with pytest.warns(UserWarning, match=r"^the model 'made' is taken as .*robots add"):
         robot = mm.load_robot(model, tip="tool0", wheel_radius=0.1, **WHEELS)
     with pytest.warns(UserWarning, match="robots add"):
         same = mm.load_robot(urdf)
@@ -46,6 +49,27 @@ def test_a_model_of_pinocchio(tmp_path, free_flyer):
     np.testing.assert_allclose(robot.dynamics(q, z).bias, same.dynamics(q, z).bias, atol=1e-10)
     np.testing.assert_allclose(robot.limits.lower, same.limits.lower)
     np.testing.assert_allclose(robot.limits.torque, same.limits.torque)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "cart.urdf", "--duration", "0.01"),
+        ("view", "cart.urdf", "--html", "cart.html"),
+        ("robots", "show", "cart.urdf"),
+        ("robots", "check", "cart.urdf", "--no-simulation"),
+        ("robots", "bounds", "cart.urdf"),
+    ],
+    ids=" ".join,
+)
+def test_help_says_which_commands_take_a_urdf(tmp_path, monkeypatch, command):
+    differential().arm(tip="tool0").write(tmp_path / "cart.urdf")
+    monkeypatch.chdir(tmp_path)
+    with pytest.warns(UserWarning, match="cart.urdf is taken as robot"):
+        done = CliRunner().invoke(mobman, command)
+    assert done.exit_code == 0, done.output
+    words = command[: command.index("cart.urdf")]
+    assert "URDF)" in CliRunner().invoke(mobman, [*words, "--help"]).output
 
 
 def test_a_model_with_other_joints_is_refused():
