@@ -60,6 +60,8 @@ def cells(suite: Suite, frame: pd.DataFrame, given: argparse.Namespace) -> Itera
     information = {run.label: information_of(run.law, run.gains) for run in suite.runs()}
     every["uses"] = [", ".join(information[label] or ["not said"]) for label in every.controller]
     heads = list(dict.fromkeys(every[given.columns]))
+    if pd.api.types.is_numeric_dtype(every[given.columns]):
+        heads.sort()
     rows = given.rows.split(",")
 
     def text(values: pd.Series) -> str:
