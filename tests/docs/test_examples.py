@@ -66,7 +66,6 @@ GIVEN = {
     },
     "robots": {"path/to/husky_arm.urdf": arm("husky_arm")},
     "running": {"dask_jobqueue.py": SLURM},
-    "tuning": {"paper-6s.toml": small("paper-6s")},
 }
 RESULTS = {"report": "mobman bench run robustness", "results": "mobman bench run paper"}
 LEFT = {
