@@ -61,6 +61,8 @@ def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]
                 problems.note(f"{plan.where}: {names} {first!r} and {second!r} are the same run")
         if by_name.setdefault((run.cell, run.label, run.seed), run.run_id) != run.run_id:
             problems.note(f"{plan.where}: {run} is asked for twice, with other gains")
+    if not runs:
+        problems.note("its groups and overrides leave no run")
     problems.require_none()
     return list(runs.values())
 

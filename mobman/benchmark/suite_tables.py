@@ -11,7 +11,7 @@ from mobman.toml_model import Strict
 Label = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 Grid = dict[str, Annotated[list[Any], Field(min_length=1)]]
 """Values by field; the entry stands for all combinations."""
-Positive = Annotated[float, Field(gt=0)]
+Positive = Annotated[float, Field(gt=0, strict=True)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Names = Annotated[list[str], Field(min_length=1)]
 MOST_PLACEMENTS = 1000

@@ -10,9 +10,10 @@ import pinocchio as pin
 
 from mobman.arrays import Array, Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.baselines import ExtendedJacobianControl, TrackingGains, workspace
+from mobman.controllers.baselines import TrackingGains, workspace
 from mobman.controllers.bounds import sampled_states
 from mobman.controllers.gains import Positive, gain
+from mobman.controllers.integral_action import StillAtLimits
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import Entry, Stop
 from mobman.linalg import dot, solve
@@ -33,7 +34,7 @@ class AdaptiveGains(TrackingGains):
 
 
 @controllers.register("adaptive")
-class Adaptive(ExtendedJacobianControl):
+class Adaptive(StillAtLimits):
     r"""Adaptive control of the inertial parameters :math:`\theta` of all bodies, from the nominal ones:
 
     .. math:: B v = Y(q, z, z_r, \dot z_r)\,\theta - k_d \bar M s, \quad
@@ -58,6 +59,8 @@ class Adaptive(ExtendedJacobianControl):
     :math:`\lambda_{max}(M^{-1} Y \Gamma Y^T) = \omega^2` over sampled states: no mode of the adaptation
     is faster than ``omega``, whatever the robot's size. Bodies without mass have no parameters.
 
+    While a torque is beyond a limit that acts, theta stands still and z_r is z.
+
     J.-J. E. Slotine, W. Li, "On the adaptive control of robot manipulators", International Journal of
     Robotics Research 6(3), 1987; the same, "Adaptive manipulator control: a case study", IEEE
     Transactions on Automatic Control 33(11), 1988.
@@ -81,9 +84,15 @@ class Adaptive(ExtendedJacobianControl):
         regressor = Regressor(robot, now, z_dot)
         self.theta = nominal_parameters(robot)
         self.Gamma, self.s = adaptation_gain(robot, self._task, omega), np.zeros(len(v))
+        self._state, self._z_r, self._z = self.theta, regressor.z_r, now.z
         given = (now.M, now.B, regressor.Y, now.z, z_dot, k_d, self._dt)
         own = (self.Gamma, self.theta, regressor.z_r, self.s, *workspace(len(v)))
         return sequence(regressor.evaluate, bind(adaptive_torque, *given, *own, v))
+
+    def stand_still(self, before: Array) -> None:
+        """Forget what a tick whose torque does not act said of theta, and start from z again."""
+        super().stand_still(before)
+        self._z_r[:] = self._z
 
     def signals(self) -> dict[str, Array]:
         """The velocity's error s and the estimate theta."""

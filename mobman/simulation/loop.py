@@ -28,7 +28,7 @@ from mobman.simulation.pieces import Setting
 from mobman.simulation.plant import NOT_DEFINITE, require_success
 from mobman.simulation.record_file import APPLIED, OWN_PLACES
 from mobman.simulation.scenario import GivenPlant, Scenario, true_plant
-from mobman.tasks.task import Task, task_entry, task_map_of
+from mobman.tasks.task import Task, require_freedom, task_entry, task_map_of
 
 Observer = Callable[[float, Array, Array, Array], None]
 """Is given t (s), q, z and the torque at a tick; the arrays are its own."""
@@ -145,11 +145,7 @@ class Loop:
         self.task_map, self.ticks, self.dt = task_map_of(task), ticks, dt
         setting = Setting(robot, dt, np.random.default_rng(seed))
         true = true_plant(setting, plant, scenario)
-        if robot.nz < (m := self.task_map.m):
-            raise UsageError(
-                f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {m}"
-                + ("; a task of position has 3" if m > 3 else "")
-            )
+        require_freedom(robot, task)
         self.plant = scenario.make_plant(setting, true)
         self._measurement = scenario.measurement(setting, true)
         self._tip = MeasuredTip(task, robot) if scenario.tip == "measured" else None

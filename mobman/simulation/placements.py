@@ -14,7 +14,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.sensors import pose_index
 from mobman.simulation.singularity import Prediction, predict_singularity
 from mobman.tasks.paths import GAP, SHARE_OF_RADIUS, place_of
-from mobman.tasks.task import Task, make_task, parameters_of
+from mobman.tasks.task import Task, make_task, parameters_of, require_freedom
 
 _DRAWS = 50
 _SPREAD = 0.3  # rad or m, of the arm's start about its rest
@@ -64,10 +64,11 @@ def placements(
         seed: Of all of them, 0 or more.
 
     Raises:
-        UsageError: If 50 draws give none, or the task cannot be made at rest.
+        UsageError: If 50 draws give none, or the task cannot be made at rest or asks for too much.
     """
     given = dict(given or {})
     rest = Placement(robot.q_rest.copy(), given, make_task(task, robot, **given))
+    require_freedom(robot, rest.task)
     found: dict[int, Placement] = {}
     ahead: Prediction | None = None
     for number in numbers:

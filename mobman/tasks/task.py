@@ -281,6 +281,19 @@ def task_entry(task: Task, t: Array, p_d: Array) -> Callable[[], None]:
     return desire
 
 
+def require_freedom(robot: MobileManipulator, task: Task) -> None:
+    """Refuse a task of more coordinates than the robot has degrees of freedom.
+
+    Raises:
+        UsageError: If it has.
+    """
+    if robot.nz < (m := task_map_of(task).m):
+        raise UsageError(
+            f"robot {robot.name!r} has {robot.nz} degrees of freedom for a task of {m}"
+            + ("; a task of position has 3" if m > 3 else "")
+        )
+
+
 def task_map_of(task: Task) -> TaskMap:
     """The task map that fits a task's p_d.
 

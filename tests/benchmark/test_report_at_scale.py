@@ -483,6 +483,13 @@ def test_tuned_gains_show_their_budget():
     assert "No controller was tuned" not in "\n".join(limitations_of(found))
 
 
+def test_a_law_that_does_not_say_what_it_uses_is_not_said_to_do_without():
+    laws = {"tsm": "tsm", "mine": "a-law-of-somebody", "pinv": "pseudo-inverse"}
+    runs = [made_up_run(label, 1e-6, law=law, acceleration="exact") for label, law in laws.items()]
+    text = "\n".join(limitations_of(results_of(runs)))
+    assert "tsm use it; pinv do not and mine do not say whether they do." in text
+
+
 def test_machines_are_those_of_the_records():
     known = {"processor": "A 1", "architecture": "x86_64", "system": "Linux"}
     runs = [made_up_run("a", 1e-9, machine=known, seed=seed) for seed in range(2)]

@@ -57,6 +57,27 @@ def test_label_is_no_part_of_the_run_id(tmp_path):
     assert {run.run_id for run in load_suite(path).runs()} == before
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ('tasks = ["circle"]', 'tasks = ["pose-circle"]', "5 degrees of freedom for a task of 6"),
+        (
+            "[[groups]]",
+            "[[overrides]]\nskip = true\nwhere = { robots = ['*'] }\n\n[[groups]]",
+            "leave no run",
+        ),
+        ("duration = 0.02", "duration = true", "duration"),
+    ],
+)
+def test_what_cannot_run_is_refused_before_anything_runs(tmp_path, old, new, fault):
+    path = small_suite(tmp_path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(SpecError, match=fault):
+        load_suite(path).runs()
+
+
 def test_unknown_suite_names_the_nearest():
     with pytest.raises(UnknownNameError, match="did you mean 'paper'"):
         load_suite("papper")

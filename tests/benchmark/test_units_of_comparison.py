@@ -73,7 +73,7 @@ def test_platforms_are_the_unit_with_many():
     assert (board.unit, board.units, len(board.cells)) == ("robot", 10, 40)
     assert board.pairs[0].error.smallest_p == 2.0**-9
     assert any("with robots like these" in text for text in limitations_of(found))
-    assert "intervals: of 10 platforms" in leaderboard_table(board).caption
+    assert "intervals of errors: of 10 platforms" in leaderboard_table(board).caption
 
 
 def test_verdicts_are_those_of_so_many_units():
@@ -96,7 +96,7 @@ def test_laws_that_are_one_are_shown_as_one():
     assert [(pair.a, pair.b) for pair in board.pairs] == [("tsm", "other")]
     entry = leaderboard_table(board).rows[0][1]
     assert (entry.text, entry.unit) == ("tsm", "the same as inverse")
-    assert "one law inside the unit ball" in entry.detail
+    assert "differ by 10 % at most" in entry.detail
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,15 @@ def _learned(youbot, rate, duration):
     return record, law, true
 
 
+def test_torques_that_do_not_act_teach_it_nothing():
+    """With stiff gains its first torques are beyond the limits, for which it was lost."""
+    gains = {"K_p": 4871.0, "K_v": 350.1, "k_d": 332.1, "omega": 3.995}
+    law = mm.make_controller("adaptive", **gains)
+    record = mm.simulate("tiago_no_hand", law, "circle", duration=4.0, scenario="real-limits")
+    assert record.metrics["saturation_share"] > 0.0
+    assert record.metrics["task_error_final"] < 1e-6
+
+
 def test_lyapunov_function_decreases(youbot):
     """V = (s^T M s + error^T Gamma^-1 error)/2, with the true M and parameters."""
     record, law, true = _learned(youbot, 1.0, 3.0)

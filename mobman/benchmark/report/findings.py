@@ -318,8 +318,12 @@ def limitations_of(results: Results) -> list[str]:
 
     settings = [own for own in runs.settings if "discretization" in own]
     plain = labels(runs.law.isin(_PLAIN))
-    with_z_dot = runs.law.map(lambda law: "z'" in (information_of(law) or ())).astype(bool)
-    using, others = labels(with_z_dot), labels(~with_z_dot)
+    uses = runs.law.map(information_of)
+    with_z_dot = uses.map(lambda known: known is not None and "z'" in known).astype(bool)
+    using, others, unsaid = (
+        labels(which) for which in (with_z_dot, ~with_z_dot & uses.notna(), uses.isna())
+    )
+    without = ((others, "do not"), (unsaid, "do not say whether they do"))
     lines = (
         environment()
         .get_template("limitations.j2")
@@ -332,7 +336,8 @@ def limitations_of(results: Results) -> list[str]:
             "adaptation: they have nothing against wrong masses by design.",
             exact=using and (runs.acceleration == "exact").any(),
             using=listing(using),
-            others=f"{listing(others)} do not" if others else "all of them have it",
+            others=listing([f"{listing(names)} {how}" for names, how in without if names])
+            or "all of them have it",
             zero_beta=any(own.get("beta_0") == 0.0 for own in settings),
             youbot=(runs.robot == "youbot").any(),
             sliding=settings,

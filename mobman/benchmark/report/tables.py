@@ -122,9 +122,9 @@ def leaderboard_table(board: Board) -> Table:
 
     unit = "cells" if board.unit == "cell" else "platforms"
     caption = (
-        f"Leaderboard over {len(board.cells)} cells (intervals: of {board.units} {unit}); a failure is "
-        "an infinite error, which the geometric mean of the middle half shows where a quarter of them "
-        "fail"
+        f"Leaderboard over {len(board.cells)} cells (intervals of errors: of {board.units} {unit}, of "
+        "shares: of cells); a failure is an infinite error, which the geometric mean of the middle half "
+        "shows where a quarter of them fail"
     )
     columns: Columns = [
         ("rank", lambda s: rank_range(s.ranks)),
@@ -147,7 +147,7 @@ def _named(standing: Standing) -> Entry:
     """Make the entry of a controller, with those that are the same law here."""
     if not standing.twins:
         return label_entry(standing.label)
-    why = "one law inside the unit ball: their errors are the same in every cell"
+    why = "their errors differ by 10 % at most in the median, and by a factor of 2 in any cell"
     same = f"the same as {', '.join(standing.twins)}"
     return Entry(standing.label, label=standing.label, detail=why, unit=same)
 

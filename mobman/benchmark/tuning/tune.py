@@ -210,6 +210,8 @@ def tuned_suite(
     better = {label: dict(own) for label, own in gains.items() if own}
     entries: dict[str, Any] = {}
     for label, entry in content["controllers"].items():
+        if label.endswith(SUFFIX) and label.removesuffix(SUFFIX) in found:  # of an earlier tuning
+            continue
         origin = found[label].model_dump(mode="json") if label in found else None
         entries[label] = entry if label in better or origin is None else {**entry, "tuned": origin}
         if label in better:

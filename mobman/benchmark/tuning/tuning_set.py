@@ -18,6 +18,7 @@ from mobman.controllers.protocol import controllers, gains_by_field, make_contro
 from mobman.errors import SpecError, UnknownNameError, UsageError
 from mobman.model.build import load_robot
 from mobman.simulation.run_spec import RunSpec
+from mobman.simulation.scenario import Scenario
 from mobman.toml_model import read_toml, validate
 
 SUFFIX = "-tuned"
@@ -32,7 +33,8 @@ class Candidates(NamedTuple):
 
 
 def candidates(suite: Suite, asked: Sequence[str] | None = None) -> Candidates:
-    """The controllers of a suite that can be tuned, or those of them whose labels are asked for.
+    """The controllers of a suite that can be tuned, or those of them whose labels are asked for, which
+    may have been tuned before.
 
     Raises:
         UnknownNameError: If a label is not there.
@@ -46,13 +48,13 @@ def candidates(suite: Suite, asked: Sequence[str] | None = None) -> Candidates:
     left_out: dict[str, str] = {}
     for label in dict.fromkeys(asked or suite.controllers):
         entry = suite.controllers[label]
-        if entry.tuned is not None:
+        if entry.tuned is not None and not (asked and entry.tuned.trial == 0):
             left_out[label] = "is tuned already"
         elif entry.grid:
             left_out[label] = (
                 "stands for several controllers, by its grid; give those to tune labels of their own"
             )
-        elif label + SUFFIX in suite.controllers:
+        elif label + SUFFIX in suite.controllers and not asked:
             left_out[label] = f"has been tuned: there is {label + SUFFIX!r}"
         elif label in tuning.spaces:
             spaces[label] = _checked(entry.law, tuning.spaces[label], f"tuning.spaces.{label}")
@@ -113,8 +115,11 @@ def tuning_runs(
     tuning = suite.tuning or Tuning()
     content = suite.model_dump(mode="json", by_alias=True, exclude_unset=True)
     scenarios = content.get("scenarios", {})
-    if twice := sorted(scenarios.keys() & tuning.definitions.keys()):
-        raise SpecError(f"tuning.definitions: {twice[0]!r} is a scenario of the suite, too")
+    for name in sorted(scenarios.keys() & tuning.definitions.keys()):
+        two = (suite.scenarios[name].fields, tuning.definitions[name])
+        one, other = (Scenario(**{**fields, "name": name}).model_dump() for fields in two)
+        if one != other:  # alike are those of a suite that tuning wrote
+            raise SpecError(f"tuning.definitions: {name!r} is a scenario of the suite, too")
     own = own_scenarios()
     names = tuning.scenarios or list(tuning.definitions) or list(own)
     named = {name: own[name] for name in names if name in own}

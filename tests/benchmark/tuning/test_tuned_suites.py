@@ -68,9 +68,13 @@ def test_it_runs(tuned):
         assert entry.gains.items() <= records[label].settings.items()
 
 
-def test_it_is_not_tuned_again(tuned):
+def test_it_is_tuned_again_where_that_is_asked_for(tuned, tmp_path):
     with pytest.raises(SpecError, match=r"'one' has been tuned.*'one-tuned' is tuned already"):
         candidates(tuned.suite)
+    again = tune_suite(tuned.suite, tmp_path, controllers=["one"], executor=Inline())
+    assert list(again.suite.controllers) == list(tuned.suite.controllers)
+    for label, entry in again.suite.controllers.items():
+        assert entry == tuned.suite.controllers[label]
 
 
 def test_gains_of_groups_and_overrides_hold_for_the_tuned_but_for_what_was_tuned(tmp_path):
