@@ -152,7 +152,7 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     if not is_compiled(function):
         return partial(function, *arguments)
     dispatcher: Any = function
-    names = inspect.signature(function).parameters
+    names = _signature(function).parameters
     if len(names) != len(arguments):
         raise TypeError(
             f"kernel {function.__name__!r} takes {len(names)} arguments; given: {len(arguments)}"
@@ -170,6 +170,9 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     if PACKAGE in Path(plain(dispatcher).__code__.co_filename).parents:
         return BoundKernels((dispatcher, arguments))
     return _machine_code(dispatcher, arguments)
+
+
+_signature = cache(inspect.signature)  # 20 us, of some hundred functions a run
 
 
 def _fits(argument: Any) -> bool:
@@ -226,7 +229,7 @@ def _written(calls: Sequence[tuple[Any, tuple[Any, ...]]]) -> tuple[Any, tuple[A
     table of where the arrays are and how long, and makes arrays of it again.
     """
     names: dict[str, Any] = {}
-    found: dict[int, Any] = {}  # arrays
+    found: dict[int, tuple[int, Any]] = {}  # arrays, numbered
     others: list[Any] = []  # numbers, records, and arrays without an entry
 
     def named(one: Any) -> str:
@@ -239,24 +242,26 @@ def _written(calls: Sequence[tuple[Any, tuple[Any, ...]]]) -> tuple[Any, tuple[A
             inside = "".join(f"{text(part)}, " for part in value)
             return f"{named(type(value)) if hasattr(value, '_fields') else ''}({inside})"
         if isinstance(value, np.ndarray) and value.dtype in _TYPES and value.size:
-            found.setdefault(id(value), value)
-            return f"a{list(found).index(id(value))}"
+            number, _ = found.setdefault(id(value), (len(found), value))
+            return f"a{number}"
         others.append(value)
         return f"b{len(others) - 1}"
 
     lines: list[str] = []
     for function, given in calls:
         line = f"{named(function)}({', '.join(map(text, given))})"
-        if inspect.signature(function).return_annotation == "None":
+        if _signature(function).return_annotation == "None":
             lines += [line]
         else:
             lines += [f"status = {line}", "if status != 0:", "    return status"]
-    arrays = list(found.values())
+    arrays = [array for _, array in found.values()]
+    places = [array.ctypes.data for array in arrays]
     # all others are behind it in memory
-    first = min(arrays, key=lambda array: array.ctypes.data, default=np.zeros(1)).ravel("K")
+    first = arrays[places.index(min(places))].ravel("K") if arrays else np.zeros(1)
+    begin = first.ctypes.data
     head: list[str] = []
     table: list[int] = []
-    for array in arrays:
+    for array, at in zip(arrays, places, strict=True):
         n = len(table)
         place = f"first.ctypes, table[{n}]"
         sizes = "".join(f", table[{n + i}]" for i in range(1, array.ndim + 1))
@@ -264,7 +269,7 @@ def _written(calls: Sequence[tuple[Any, tuple[Any, ...]]]) -> tuple[Any, tuple[A
             place = f"_vector({place}, 1).ctypes"
         rows = _BY_ROWS[array.ndim, array.dtype.kind] if array.flags.c_contiguous else "_columns"
         head.append(f"a{len(head)} = {rows}({place}{sizes})")
-        table += [(array.ctypes.data - first.ctypes.data) // 8, *array.shape]
+        table += [(at - begin) // 8, *array.shape]
     rest = "".join(f", b{i}" for i in range(len(others)))
     source = "\n    ".join([f"(first, table{rest}):", *head, *lines, "return 0\n"])
     arguments = (first.view(np.float64), np.array(table, dtype=np.int64), *others)
