@@ -78,8 +78,12 @@ class Store:
                 )
             manifest = replace(before, suite=suite, runs=manifest.runs)
         with self._writing():
-            for folder in (self.folder / "runs", self.folder / "failures", self.folder):
+            for folder in (self.folder / "runs", self.folder / "failures"):
                 folder.mkdir(parents=True, exist_ok=True)
+            for folder in (
+                *map(self.folder.joinpath, ("runs", "failures", "figures")),
+                self.folder,
+            ):
                 for leftover in filter(is_abandoned, folder.glob(".*.tmp")):
                     leftover.unlink(missing_ok=True)
             self._write(manifest)

@@ -199,11 +199,13 @@ def test_spoilt_suite_file_is_told_plainly(tmp_path, content):
         Store(tmp_path).runs  # noqa: B018
 
 
-def test_another_machines_temporary_file_is_left_alone(done):
+@pytest.mark.parametrize("name", ["runs", "figures", "."])
+def test_another_machines_temporary_file_is_left_alone(done, name):
     suite, folder, _ = done
-    here = temporary_beside(folder / "runs" / "x.h5")
-    name = here.name.replace(f".{os.getpid()}.", ".1999999999.")
-    dead, elsewhere = folder / "runs" / name, folder / "runs" / ".x.h5.elsewhere.1.0.tmp"
+    (folder / name).mkdir(exist_ok=True)
+    here = temporary_beside(folder / name / "x.h5")
+    ended = here.name.replace(f".{os.getpid()}.", ".1999999999.")
+    dead, elsewhere = here.with_name(ended), here.with_name(".x.h5.elsewhere.1.0.tmp")
     for file in (here, dead, elsewhere):
         file.touch()
     try:
