@@ -165,11 +165,13 @@ def shorten_suites() -> None:
 
 
 def main() -> None:
-    """The command line: suites run in this process, and what waits for Ctrl-C gets it at once."""
+    """The command line: suites run in this process, figures of reports are empty files, and what waits
+    for Ctrl-C gets it at once."""
     from mobman.benchmark import backends, runner, workers
     from mobman.benchmark.tuning import tune
     from mobman.cli import run, view
     from mobman.cli.main import main as command
+    from mobman.figures import files
 
     class Interrupted:
         def wait(self) -> None:
@@ -177,6 +179,7 @@ def main() -> None:
 
     run.threading = view.threading = SimpleNamespace(Event=Interrupted)
     runner.Local = tune.Local = lambda *_: backends.Backend(ThreadPoolExecutor(1))
+    files.drawn = files.printed = lambda *_, **options: b""
     runner.Cluster = lambda _: backends.Cluster(_cluster())
     workers.start_ahead = lambda: None
     sys.argv[0] = "mobman"
