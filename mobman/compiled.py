@@ -130,7 +130,7 @@ def _type_of(argument: Any) -> Any:
 
 
 def _kind(argument: Any) -> Any:
-    """What an argument's type depends on."""
+    """The properties of an argument that decide its type."""
     if isinstance(argument, np.ndarray):
         return argument.dtype, argument.ndim, argument.flags.c_contiguous
     if isinstance(argument, tuple):

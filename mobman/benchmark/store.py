@@ -78,13 +78,10 @@ class Store:
                 )
             manifest = replace(before, suite=suite, runs=manifest.runs)
         with self._writing():
-            for folder in (self.folder / "runs", self.folder / "failures"):
-                folder.mkdir(parents=True, exist_ok=True)
-            for folder in (
-                *map(self.folder.joinpath, ("runs", "failures", "figures")),
-                self.folder,
-            ):
-                for leftover in filter(is_abandoned, folder.glob(".*.tmp")):
+            for name in ("runs", "failures"):
+                (self.folder / name).mkdir(parents=True, exist_ok=True)
+            for name in ("runs", "failures", "figures", "."):
+                for leftover in filter(is_abandoned, (self.folder / name).glob(".*.tmp")):
                     leftover.unlink(missing_ok=True)
             self._write(manifest)
             sync_folder(self.folder.absolute().parent)

@@ -21,7 +21,7 @@ from mobman.model.orientation import REASONS, OrientationError, Turn
 from mobman.tasks.task import Task, task_entry, task_map_of
 
 Entry = Callable[[], int]
-"""What a law calls at every tick: 0, or a :class:`Stop`."""
+"""Function that a law calls at every tick: 0, or a :class:`Stop`."""
 
 
 class Stop(IntEnum):
