@@ -20,7 +20,7 @@ ALPHAS = {"paper": 2.0 / R, "wheel-rates": 1.0}
 def case(request):
     """Reference point and choice of alpha, all four combinations."""
     offset, alpha = request.param
-    platform = Differential(("r", "l"), R, W, OFFSETS[offset], ALPHAS[alpha])
+    platform = Differential(("r",), ("l",), R, W, OFFSETS[offset], ALPHAS[alpha])
     return platform, OFFSETS[offset], ALPHAS[alpha]
 
 
@@ -69,13 +69,13 @@ def equation_7(theta, a):
 
 
 def test_constraints_on_the_axle_are_equation_2():
-    platform = Differential(("r", "l"), R, W)
+    platform = Differential(("r",), ("l",), R, W)
     for x, _, _ in _states():
         assert relative(platform.constraint_matrix(x), equation_2(x[2])) < 1e-15
 
 
 def test_velocity_map_on_the_axle_with_the_papers_alpha_is_equation_5():
-    platform = Differential(("r", "l"), R, W, kappa=2 / R)
+    platform = Differential(("r",), ("l",), R, W, kappa=2 / R)
     for x, _, _ in _states():
         assert relative(platform.velocity_map(x), equation_5(x[2])) < 1e-14
 
@@ -127,8 +127,8 @@ def test_hessian_and_its_rate(case):
 def test_offset_reference_point_moves_as_the_rigid_body_says():
     """d/dt (x_axle + a (cos theta, sin theta)) for the motion of (5)."""
     a = OFFSETS["arm mount"]
-    axle = Differential(("r", "l"), R, W, kappa=2 / R)
-    ahead = Differential(("r", "l"), R, W, a, kappa=2 / R)
+    axle = Differential(("r",), ("l",), R, W, kappa=2 / R)
+    ahead = Differential(("r",), ("l",), R, W, a, kappa=2 / R)
     for x, x_dot, _ in _states(50):
         alpha, theta = x_dot[:2], x[2]
         on_axle, moved = axle.velocity_map(x) @ alpha, ahead.velocity_map(x) @ alpha
@@ -140,8 +140,8 @@ def test_offset_reference_point_moves_as_the_rigid_body_says():
 @pytest.mark.parametrize("signs", [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
 def test_wheel_that_turns_the_other_way(signs):
     """A wheel about -y rolls forward at a negative rate; alpha stays the wheel's own rate."""
-    platform = Differential(("r", "l"), R, W, 0.1, signs=signs)
-    usual = Differential(("r", "l"), R, W, 0.1)
+    platform = Differential(("r",), ("l",), R, W, 0.1, signs=signs)
+    usual = Differential(("r",), ("l",), R, W, 0.1)
     flip = np.diag([1.0, 1.0, 1.0, *signs])
     for x, x_dot, multiplier in _states(40):
         assert np.allclose(platform.constraint_matrix(x), usual.constraint_matrix(x) @ flip)

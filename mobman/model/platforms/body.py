@@ -8,14 +8,15 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+import pinocchio as pin
 from pydantic import Field, PositiveFloat
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
+from mobman.robots.urdf.compose import add_inertial, add_joint, text_of
 from mobman.toml_model import Strict
 
 BASE_LINK, DECK = "platform", "deck"
-_ORIGIN = (0.0, 0.0, 0.0)
 _GREY, _DARK = "0.55 0.58 0.62 1", "0.15 0.15 0.16 1"
 
 
@@ -50,7 +51,6 @@ class WheeledBody(Body):
     """Largest torque on a wheel (N m); 0: not known."""
 
 
-B = TypeVar("B", bound=Body)
 T = TypeVar("T")
 
 
@@ -59,10 +59,8 @@ class WheelPart(NamedTuple):
 
     joint: str
     """Name of its joint; its link is called ``<joint>_link``."""
-    xyz: tuple[float, float, float]
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Its centre in the parent's frame (m)."""
-    radius: float
-    """m."""
     yaw: float = 0.0
     """Direction of its axis, about z from the parent's y axis (rad)."""
     parent: str = BASE_LINK
@@ -76,14 +74,12 @@ class Knuckle(NamedTuple):
     """Name of its joint; its link is called ``<joint>_link``."""
     xyz: tuple[float, float, float]
     """Its position from ``platform`` (m)."""
-    limit: float
-    """Largest angle (rad); infinite: it turns without end."""
-    velocity: float
-    """Largest rate (rad/s); 0: not known."""
     mass: float
     """kg."""
-    radius: float
-    """Of the wheel that it carries, for its size (m)."""
+    limit: float = math.inf
+    """Largest angle (rad); infinite: it turns without end."""
+    velocity: float = 0.0
+    """Largest rate (rad/s); 0: not known."""
     effort: float = 0.0
     """Largest torque (N m); 0: not known."""
 
@@ -100,37 +96,27 @@ def required(origin: str, field: str, value: T | None, why: str = "") -> T:
     return value
 
 
-def required_body(origin: str, body: B | None) -> B:
-    """
-    Raises:
-        SpecError: If there is no ``[platform.body]``.
-    """
-    if body is None:
-        raise SpecError(
-            f"{origin}: field 'urdf' is missing, and so is 'platform.body': describe the platform by "
-            "a URDF or by its numbers"
-        )
-    return body
-
-
 def body_urdf(
-    body: Body, wheels: Sequence[WheelPart] = (), knuckles: Sequence[Knuckle] = ()
+    body: Body, radius: float = 0.0, parts: Iterable[WheelPart | Knuckle] = ()
 ) -> ET.Element:
-    """The ``<robot>`` element of a box on wheels, with the links ``platform`` and ``deck``."""
+    """The ``<robot>`` element of a box on wheels of a radius (m), with the links ``platform`` and
+    ``deck``."""
     height = body.size[2]
     middle = (*body.centre, body.ground_clearance + 0.5 * height)
     com = middle if body.centre_of_mass is None else body.centre_of_mass
     inertia = body.inertia or box_inertia(body.mass, body.size)
-    box = _shape("box", {"size": _text(body.size)}, _GREY, middle)
+    robot = ET.Element("robot", name="platform")
+    box = _add_link(robot, BASE_LINK, body.mass, inertia, com)
+    _add_shape(box, "box", {"size": text_of(body.size)}, _GREY, middle)
+    ET.SubElement(robot, "link", name=DECK)
     top = (*body.centre, body.ground_clearance + height)
-    parts = [
-        _link(BASE_LINK, body.mass, inertia, box, com),
-        f'<link name="{DECK}"/>',
-        _joint("deck_joint", "fixed", BASE_LINK, DECK, top),
-        *map(_knuckle, knuckles),
-        *(_wheel(body, wheel) for wheel in wheels if isinstance(body, WheeledBody)),
-    ]
-    return ET.fromstring(f'<robot name="platform">{"".join(parts)}</robot>')
+    add_joint(robot, "deck_joint", "fixed", BASE_LINK, DECK, top)
+    for part in parts:
+        if isinstance(part, Knuckle):
+            _add_knuckle(robot, part, radius)
+        elif isinstance(body, WheeledBody):
+            _add_wheel(robot, body, part, radius)
+    return robot
 
 
 def box_inertia(mass: float, size: tuple[float, float, float]) -> Array:
@@ -139,77 +125,62 @@ def box_inertia(mass: float, size: tuple[float, float, float]) -> Array:
     return mass / 12.0 * np.array([y + z, x + z, x + y])
 
 
-def _wheel(body: WheeledBody, wheel: WheelPart) -> str:
-    name, m, w, r = f"{wheel.joint}_link", body.wheel_mass, body.wheel_width, wheel.radius
+def _add_wheel(robot: ET.Element, body: WheeledBody, wheel: WheelPart, r: float) -> None:
+    name, m, w = f"{wheel.joint}_link", body.wheel_mass, body.wheel_width
     across = m / 12.0 * (3.0 * r**2 + w**2)
+    link = _add_link(robot, name, m, (across, 0.5 * m * r**2, across))
     cylinder = {"radius": repr(r), "length": repr(w)}
+    _add_shape(link, "cylinder", cylinder, _DARK, rpy=(0.5 * math.pi, 0.0, 0.0))
     # a spoke, so that the wheel can be seen to turn
-    spoke = {"size": _text((1.6 * r, 1.02 * w, 0.2 * r))}
-    shapes = _shape("cylinder", cylinder, _DARK, rpy=(0.5 * math.pi, 0.0, 0.0))
-    shapes += _shape("box", spoke, _GREY, uses=("visual",))
-    motor = {"effort": body.wheel_effort, "velocity": body.wheel_velocity}
-    place = (wheel.parent, name, wheel.xyz, wheel.yaw)
-    return _link(name, m, (across, 0.5 * m * r**2, across), shapes) + _joint(
-        wheel.joint, "continuous", *place, axis="0 1 0", limit=motor
-    )
+    spoke = {"size": text_of((1.6 * r, 1.02 * w, 0.2 * r))}
+    _add_shape(link, "box", spoke, _GREY, uses=("visual",))
+    place = wheel.xyz, (0.0, 0.0, wheel.yaw)
+    joint = add_joint(robot, wheel.joint, "continuous", wheel.parent, name, *place)
+    _add_motor(joint, "0 1 0", effort=body.wheel_effort, velocity=body.wheel_velocity)
 
 
-def _knuckle(knuckle: Knuckle) -> str:
-    name = f"{knuckle.joint}_link"
-    size = (0.4 * knuckle.radius, 0.4 * knuckle.radius, knuckle.radius)
-    box = _shape("box", {"size": _text(size)}, _GREY)
+def _add_knuckle(robot: ET.Element, knuckle: Knuckle, radius: float) -> None:
+    """Add a steering joint, its link in the size of the wheel that it carries."""
+    name, size = f"{knuckle.joint}_link", (0.4 * radius, 0.4 * radius, radius)
+    link = _add_link(robot, name, knuckle.mass, box_inertia(knuckle.mass, size))
+    _add_shape(link, "box", {"size": text_of(size)}, _GREY)
     endless = math.isinf(knuckle.limit)
     bounds = {} if endless else {"lower": -knuckle.limit, "upper": knuckle.limit}
-    bounds |= {"effort": knuckle.effort, "velocity": knuckle.velocity}
     kind = "continuous" if endless else "revolute"
-    return _link(name, knuckle.mass, box_inertia(knuckle.mass, size), box) + _joint(
-        knuckle.joint, kind, BASE_LINK, name, knuckle.xyz, axis="0 0 1", limit=bounds
-    )
+    joint = add_joint(robot, knuckle.joint, kind, BASE_LINK, name, knuckle.xyz)
+    _add_motor(joint, "0 0 1", **bounds, effort=knuckle.effort, velocity=knuckle.velocity)
 
 
-def _link(
-    name: str, mass: float, inertia: Iterable[float], shapes: str, com: Sequence[float] = _ORIGIN
-) -> str:
-    ixx, iyy, izz = (repr(float(moment)) for moment in inertia)
-    return (
-        f'<link name="{name}"><inertial><origin xyz="{_text(com)}" rpy="0 0 0"/>'
-        f'<mass value="{float(mass)!r}"/><inertia ixx="{ixx}" iyy="{iyy}" izz="{izz}" ixy="0" '
-        f'ixz="0" iyz="0"/></inertial>{shapes}</link>'
-    )
+def _add_link(
+    robot: ET.Element,
+    name: str,
+    mass: float,
+    moments: Iterable[float],
+    com: Sequence[float] = (0.0, 0.0, 0.0),
+) -> ET.Element:
+    link = ET.SubElement(robot, "link", name=name)
+    add_inertial(link, mass, pin.SE3(np.eye(3), np.array(com)), np.diag([*moments]))
+    return link
 
 
-def _shape(
+def _add_motor(joint: ET.Element, axis: str, **bounds: float) -> None:
+    ET.SubElement(joint, "axis", xyz=axis)
+    ET.SubElement(joint, "limit", {key: repr(float(value)) for key, value in bounds.items()})
+
+
+def _add_shape(
+    link: ET.Element,
     kind: str,
     size: dict[str, str],
     colour: str,
-    xyz: Sequence[float] = _ORIGIN,
-    rpy: Sequence[float] = _ORIGIN,
+    xyz: Sequence[float] = (0.0, 0.0, 0.0),
+    rpy: Sequence[float] = (0.0, 0.0, 0.0),
     uses: Sequence[str] = ("visual", "collision"),
-) -> str:
-    shape = " ".join([kind, *(f'{key}="{value}"' for key, value in size.items())])
-    place = f'<origin xyz="{_text(xyz)}" rpy="{_text(rpy)}"/><geometry><{shape}/></geometry>'
-    # one name a colour: materials of one name are one material
-    paint = f'<material name="platform_{colour.split()[0]}"><color rgba="{colour}"/></material>'
-    return "".join(f"<{use}>{place}{paint if use == 'visual' else ''}</{use}>" for use in uses)
-
-
-def _joint(
-    name: str,
-    kind: str,
-    parent: str,
-    child: str,
-    xyz: Sequence[float],
-    yaw: float = 0.0,
-    axis: str = "",
-    limit: dict[str, float] | None = None,
-) -> str:
-    bounds = "".join(f' {key}="{value!r}"' for key, value in (limit or {}).items())
-    moves = f'<axis xyz="{axis}"/><limit{bounds}/>' if axis else ""
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{_text(xyz)}" rpy="{_text((0.0, 0.0, yaw))}"/>{moves}</joint>'
-    )
-
-
-def _text(values: Sequence[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)
+) -> None:
+    for use in uses:
+        element = ET.SubElement(link, use)
+        ET.SubElement(element, "origin", xyz=text_of(xyz), rpy=text_of(rpy))
+        ET.SubElement(ET.SubElement(element, "geometry"), kind, size)
+        if use == "visual":  # one name a colour: materials of one name are one material
+            material = ET.SubElement(element, "material", name=f"platform_{colour.split()[0]}")
+            ET.SubElement(material, "color", rgba=colour)

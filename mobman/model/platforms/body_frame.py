@@ -1,25 +1,28 @@
-r"""Platforms whose constraints are constant in the platform's own frame: all but steered ones.
+r"""Platforms whose constraints are constant in axes of the platform: all but those that are steered.
 
-With :math:`E(\theta) = \mathrm{blkdiag}(R_z(\theta), I)`, which turns the platform's axes into the
-world's, :math:`A(x) = A_b E^T` and :math:`N(x) = E N_b` with constant :math:`A_b, N_b`, so that
-:math:`A N = A_b N_b = 0`; and :math:`B'' = E B_b`.
+With :math:`E(\beta) = \mathrm{blkdiag}(R_z(\beta), I)`, which turns these axes into the world's,
+:math:`A(x) = A_b E^T` and :math:`N(x) = E N_b` with constant :math:`A_b, N_b`, so that
+:math:`A N = A_b N_b = 0`; and :math:`B'' = E B_b`. The axes are the platform's,
+:math:`\beta = \theta`, or those of a carriage that a joint turns against it,
+:math:`\beta = \theta + s x_j`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from mobman.arrays import Array, Matrix, Tensor, Vector
+from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import kernel
-from mobman.model.platforms.platform import Equations, Platform, Wheel
-from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.model.platforms.platform import Equations, Platform
+from mobman.model.platforms.rolling import constraint_derivative_rate, constraints, row
 
 
 class BodyFramePlatform(Platform):
-    """Base of the types with constant matrices in the platform's frame; see the module.
+    """Base of the types with constant matrices in axes of the platform; see the module.
 
     Args:
         joints: Names of the coordinates beside the pose: wheels.
@@ -27,7 +30,8 @@ class BodyFramePlatform(Platform):
         A_b: Shape (k, l).
         N_b: Shape (l, l-k).
         B_b: Shape (l, l-k).
-        root_offset, heading, wheels: See :class:`Platform`.
+        turned: The place j of the carriage's joint in x, and s; by default the axes are the platform's.
+        **place: ``root_offset``, ``heading`` and ``wheels``, see :class:`Platform`.
     """
 
     def __init__(
@@ -37,20 +41,16 @@ class BodyFramePlatform(Platform):
         A_b: Array,
         N_b: Array,
         B_b: Array,
-        *,
-        root_offset: Array | None = None,
-        heading: float = 0.0,
-        wheels: tuple[Wheel, ...] = (),
+        turned: tuple[int, float] = (2, 0.0),
+        **place: Any,
     ) -> None:
-        self.coordinates = (*BASE_JOINTS, *joints)
-        self.velocity_names = tuple(velocity_names)
-        self.root_offset = np.zeros(3) if root_offset is None else root_offset
-        self.heading, self.wheels = heading, wheels
-        self.equations = Equations(
-            np.concatenate([np.ravel(N_b), np.ravel(B_b), np.ravel(A_b)]),
-            *(_velocity_map, _velocity_map_rate, _constraints),
-            *(_constraint_derivative_rate, _actuation),
-        )
+        rows = [
+            row(len(own), complex(*own[:2]), steered=turned, others=dict(enumerate(own[2:], 2)))
+            for own in A_b
+        ]
+        numbers = np.concatenate([np.ravel(part) for part in (rows, N_b, B_b, turned)])
+        kernels = _velocity_map, _velocity_map_rate, constraints, constraint_derivative_rate
+        super().__init__(joints, velocity_names, Equations(numbers, *kernels, _actuation), **place)
 
 
 def offset_of(x: float, y: float, height: float, heading: float) -> Array:
@@ -59,77 +59,38 @@ def offset_of(x: float, y: float, height: float, heading: float) -> Array:
     return np.array([-c * x - s * y, s * x - c * y, height])
 
 
-# Parameters of the kernels: N_b, B_b, A_b, row by row; x = (x_1, x_2, theta, ...).
-
-
-@kernel
-def _turned(parameters: Vector, start: int, c: float, s: float, matrix: Matrix) -> None:
-    """E times a constant matrix, for the cosine and sine of the heading."""
-    l, p = matrix.shape
-    for j in range(p):
-        forward, left = parameters[start + j], parameters[start + p + j]
-        matrix[0, j] = c * forward - s * left
-        matrix[1, j] = s * forward + c * left
-        for i in range(2, l):
-            matrix[i, j] = parameters[start + i * p + j]
+# Parameters of the kernels: the table of constraints; N_b, B_b, row by row; j, s.
 
 
 @kernel
 def _velocity_map(parameters: Vector, x: Vector, N: Matrix) -> None:
     """N = E N_b; by itself, so that loading a robot needs no machine code."""
     l, p = N.shape
-    c, s = math.cos(x[2]), math.sin(x[2])
+    N_b = parameters[(l - p) * (6 + l) :]
+    beta = x[2] + parameters[-1] * x[int(parameters[-2])]
+    c, s = math.cos(beta), math.sin(beta)
     for j in range(p):
-        N[0, j] = c * parameters[j] - s * parameters[p + j]
-        N[1, j] = s * parameters[j] + c * parameters[p + j]
+        N[0, j] = c * N_b[j] - s * N_b[p + j]
+        N[1, j] = s * N_b[j] + c * N_b[p + j]
         for i in range(2, l):
-            N[i, j] = parameters[i * p + j]
+            N[i, j] = N_b[i * p + j]
 
 
 @kernel
 def _velocity_map_rate(parameters: Vector, x: Vector, x_dot: Vector, N_rate: Matrix) -> None:
-    """d/dt of E N_b; only the heading changes it."""
+    """d/dt of E N_b; only the direction of the axes changes it."""
     l, p = N_rate.shape
-    _turned(parameters, 0, -math.sin(x[2]) * x_dot[2], math.cos(x[2]) * x_dot[2], N_rate)
-    for i in range(2, l):
-        for j in range(p):
-            N_rate[i, j] = 0.0
+    N_b = parameters[(l - p) * (6 + l) :]
+    joint, sign = int(parameters[-2]), parameters[-1]
+    beta, turning = x[2] + sign * x[joint], x_dot[2] + sign * x_dot[joint]
+    c, s = -math.sin(beta) * turning, math.cos(beta) * turning
+    N_rate[:, :] = 0.0
+    for j in range(p):
+        N_rate[0, j] = c * N_b[j] - s * N_b[p + j]
+        N_rate[1, j] = s * N_b[j] + c * N_b[p + j]
 
 
 @kernel
 def _actuation(parameters: Vector, x: Vector, B: Matrix) -> None:
     """B'' = E B_b."""
-    _turned(parameters, B.shape[0] * B.shape[1], math.cos(x[2]), math.sin(x[2]), B)
-
-
-@kernel
-def _constraints(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None:
-    """A = A_b E^T and its derivatives."""
-    k, l = A.shape
-    start = 2 * l * (l - k)
-    c, s = math.cos(x[2]), math.sin(x[2])
-    A_x[:, :, :] = 0.0
-    for i in range(k):
-        row = start + i * l
-        forward, left = parameters[row], parameters[row + 1]
-        A[i, 0] = c * forward - s * left
-        A[i, 1] = s * forward + c * left
-        for j in range(2, l):
-            A[i, j] = parameters[row + j]
-        A_x[i, 0, 2] = -s * forward - c * left
-        A_x[i, 1, 2] = c * forward - s * left
-
-
-@kernel
-def _constraint_derivative_rate(
-    parameters: Vector, x: Vector, x_dot: Vector, A_x_rate: Tensor
-) -> None:
-    """d/dt of the derivatives of A_b E^T."""
-    k, l, _ = A_x_rate.shape
-    start = 2 * l * (l - k)
-    c, s = math.cos(x[2]) * x_dot[2], math.sin(x[2]) * x_dot[2]
-    A_x_rate[:, :, :] = 0.0
-    for i in range(k):
-        forward, left = parameters[start + i * l], parameters[start + i * l + 1]
-        A_x_rate[i, 0, 2] = -c * forward + s * left
-        A_x_rate[i, 1, 2] = -s * forward - c * left
+    _velocity_map(parameters[B.size :], x, B)

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
@@ -89,6 +90,8 @@ class Custom(Platform):
         SpecError: If it lacks something, gives wrong shapes, or A N is not 0.
     """
 
+    fields = CustomParameters
+
     def __init__(self, definition: PlatformDefinition, where: str) -> None:
         if not isinstance(definition, PlatformDefinition):
             raise SpecError(
@@ -96,31 +99,45 @@ class Custom(Platform):
                 "constraint_matrix(x) and velocity_map(x)"
             )
         self._definition = definition
-        self.coordinates = tuple(definition.coordinates)
-        self.velocity_names = tuple(definition.velocity_names)
+        coordinates = tuple(definition.coordinates)
+        if coordinates[:3] != BASE_JOINTS:
+            raise SpecError(
+                f"{where}: its coordinates are {coordinates}; the first three are to be "
+                f"{', '.join(BASE_JOINTS)}"
+            )
         try:
-            self.root_offset = np.array(
-                getattr(definition, "root_offset", np.zeros(3)), dtype=float
-            )
-            self.heading = float(getattr(definition, "heading", 0.0))
-            self.wheels = tuple(
-                Wheel(str(joint), float(radius))
-                for joint, radius in getattr(definition, "wheels", ())
-            )
+            offset = np.array(getattr(definition, "root_offset", np.zeros(3)), dtype=float)
+            heading = float(getattr(definition, "heading", 0.0))
+            pairs = getattr(definition, "wheels", ())
+            wheels = [Wheel(str(joint), float(radius)) for joint, radius in pairs]
         except (TypeError, ValueError) as error:
             raise SpecError(
                 f"{where}: root_offset is to be 3 numbers (m), heading a number (rad), wheels pairs of "
                 f"a joint and a radius (m): {error}"
             ) from error
-        self.equations = Equations(
+        if offset.shape != (3,) or not np.all(np.isfinite(offset)):
+            raise SpecError(f"{where}: root_offset is {offset}; needed: 3 numbers (m)")
+        for wheel in wheels:
+            if wheel.joint not in coordinates or not 0.0 < wheel.radius < np.inf:
+                raise SpecError(
+                    f"{where}: wheels has {tuple(wheel)}; needed: one of its coordinates, and a radius "
+                    "above 0 (m)"
+                )
+        equations = Equations(
             np.zeros(0),
-            *(self._velocity_map, self._velocity_map_rate, self._constraints_into),
-            *(self._constraint_derivative_rate, self._actuation),
+            partial(self._fill, "velocity_map"),
+            partial(self._fill, "velocity_map_rate"),
+            self._fill_constraints,
+            partial(self._fill, "constraint_derivative_rate"),
+            partial(self._fill, "actuation"),
         )
+        names = definition.velocity_names
+        super().__init__(coordinates[3:], names, equations, offset, heading, wheels)
         self._check(where)
 
     @classmethod
     def build(cls, site: Site) -> Custom:
+        """See :meth:`Platform.build`."""
         given = site.read(CustomParameters)
         where = f"{site.origin}: field 'platform.definition' is {given.definition!r}"
         if _no_code.get():
@@ -129,16 +146,15 @@ class Custom(Platform):
                 "when it is only looked at"
             )
         made = load_code(given.definition, site.folder, where)
+        step = "calling it"
         try:
             definition = made(**given.options)
-        except FOREIGN_ERRORS as error:
-            raise SpecError(f"{where}: calling it failed: {error!r}") from error
-        try:
+            step = "reading its attributes"
             platform = cls(definition, where)
         except SpecError:
             raise
         except FOREIGN_ERRORS as error:
-            raise SpecError(f"{where}: reading its attributes failed: {error!r}") from error
+            raise SpecError(f"{where}: {step} failed: {error!r}") from error
         for name in platform.coordinates[3:]:
             if not site.tree.existJointName(name):
                 raise SpecError(
@@ -147,59 +163,58 @@ class Custom(Platform):
                 )
         return platform
 
-    def _given(self, name: str, *arguments: Array) -> Array | None:
-        """Result of one of the user's functions, None if it is not there."""
-        function = getattr(self._definition, name, None)
-        if function is None:
-            return None
+    def _value(self, name: str, *arguments: Array) -> Array:
+        """The value of one of the user's functions, or of what is here instead of it."""
+        function = getattr(self._definition, name, None) or getattr(self, f"_{name}")
         return np.asarray(function(*(argument.copy() for argument in arguments)), dtype=float)
 
-    def _velocity_map(self, parameters: Array, x: Array, N: Array) -> None:
-        N[:] = self._definition.velocity_map(x.copy())
+    def _fill(self, name: str, parameters: Array, *given: Array) -> None:
+        *arguments, matrix = given
+        matrix[:] = self._value(name, *arguments)
 
-    def _velocity_map_rate(self, parameters: Array, x: Array, x_dot: Array, N_rate: Array) -> None:
-        exact = self._given("velocity_map_rate", x, x_dot)
-        N_rate[:] = _along(self._definition.velocity_map, x, x_dot) if exact is None else exact
+    def _fill_constraints(self, parameters: Array, x: Array, A: Array, A_x: Array) -> None:
+        A[:], A_x[:] = self._value("constraint_matrix", x), self._value("constraint_derivative", x)
 
-    def _constraints_into(self, parameters: Array, x: Array, A: Array, A_x: Array) -> None:
-        A[:] = self._definition.constraint_matrix(x.copy())
-        exact = self._given("constraint_derivative", x)
-        if exact is None:
-            matrix, directions = self._definition.constraint_matrix, np.eye(len(x))
-            exact = np.stack([_along(matrix, x, e) for e in directions], axis=-1)
-        A_x[:] = exact
+    def _velocity_map_rate(self, x: Array, x_dot: Array) -> Array:
+        return _along(self._definition.velocity_map, x, x_dot)
 
-    def _constraint_derivative_rate(
-        self, parameters: Array, x: Array, x_dot: Array, A_x_rate: Array
-    ) -> None:
-        exact = self._given("constraint_derivative_rate", x, x_dot)
-        if exact is None:
-            matrix, directions = self._definition.constraint_matrix, np.eye(len(x))
-            exact = np.stack([_mixed(matrix, x, e, x_dot) for e in directions], axis=-1)
-        A_x_rate[:] = exact
+    def _constraint_derivative(self, x: Array) -> Array:
+        matrix = self._definition.constraint_matrix
+        return np.stack([_along(matrix, x, e) for e in np.eye(len(x))], axis=-1)
 
-    def _actuation(self, parameters: Array, x: Array, B: Array) -> None:
-        own = self._given("actuation", x)
-        if own is None:
-            n = np.asarray(self._definition.velocity_map(x.copy()), dtype=float)
-            own = n @ np.linalg.inv(n.T @ n)
-        B[:] = own
+    def _constraint_derivative_rate(self, x: Array, x_dot: Array) -> Array:
+        matrix = self._definition.constraint_matrix
+        return np.stack([_mixed(matrix, x, e, x_dot) for e in np.eye(len(x))], axis=-1)
+
+    def _actuation(self, x: Array) -> Array:
+        N = self._value("velocity_map", x)
+        B: Array = N @ np.linalg.inv(N.T @ N)
+        return B
 
     def _check(self, where: str) -> None:
-        self._check_places(where)
         l, p = len(self.coordinates), len(self.velocity_names)
-        k = l - p
-        x, x_dot = np.linspace(0.1, 0.5, l), np.linspace(-0.3, 0.2, l)
-        a = self._checked(where, "constraint_matrix", (k, l), x)
-        n = self._checked(where, "velocity_map", (l, p), x)
+        k, x, x_dot = l - p, np.linspace(0.1, 0.5, l), np.linspace(-0.3, 0.2, l)
+        values = {}
         for name, shape, arguments in (
+            ("constraint_matrix", (k, l), (x,)),
+            ("velocity_map", (l, p), (x,)),
             ("actuation", (l, p), (x,)),
             ("velocity_map_rate", (l, p), (x, x_dot)),
             ("constraint_derivative", (k, l, l), (x,)),
             ("constraint_derivative_rate", (k, l, l), (x, x_dot)),
         ):
-            if hasattr(self._definition, name):
-                self._checked(where, name, shape, *arguments)
+            if not hasattr(self._definition, name):
+                continue
+            try:
+                found = values[name] = self._value(name, *arguments)
+            except FOREIGN_ERRORS as error:
+                raise SpecError(f"{where}: {name} failed: {error!r}") from error
+            if found.shape != shape or not np.all(np.isfinite(found)):
+                raise SpecError(
+                    f"{where}: {name} gives shape {found.shape}; needed: {shape}, finite numbers, for "
+                    f"{l} coordinates and {p} velocities"
+                )
+        a, n = values["constraint_matrix"], values["velocity_map"]
         size = max(1.0, float(np.abs(a).max(initial=0.0) * np.abs(n).max(initial=0.0)))
         if (residual := float(np.abs(a @ n).max(initial=0.0))) > 1e-9 * size:
             raise SpecError(
@@ -209,39 +224,6 @@ class Custom(Platform):
         for what, matrix, rank in (("columns of N(x)", n, p), ("rows of A(x)", a, k)):
             if rank and np.linalg.matrix_rank(matrix) < rank:
                 raise SpecError(f"{where}: the {what} depend on each other, at x = {x.tolist()}")
-
-    def _check_places(self, where: str) -> None:
-        if self.coordinates[:3] != BASE_JOINTS:
-            raise SpecError(
-                f"{where}: its coordinates are {self.coordinates}; the first three are to be "
-                f"{', '.join(BASE_JOINTS)}"
-            )
-        if self.root_offset.shape != (3,) or not np.all(np.isfinite(self.root_offset)):
-            raise SpecError(f"{where}: root_offset is {self.root_offset}; needed: 3 numbers (m)")
-        for wheel in self.wheels:
-            if wheel.joint not in self.coordinates or not 0.0 < wheel.radius < np.inf:
-                raise SpecError(
-                    f"{where}: wheels has {tuple(wheel)}; needed: one of its coordinates, and a radius "
-                    "above 0 (m)"
-                )
-
-    def _checked(self, where: str, name: str, shape: tuple[int, ...], *arguments: Array) -> Array:
-        """The result of one of the user's functions.
-
-        Raises:
-            SpecError: If it fails, or gives another shape or what is no number.
-        """
-        try:
-            found = self._given(name, *arguments)
-        except FOREIGN_ERRORS as error:
-            raise SpecError(f"{where}: {name} failed: {error!r}") from error
-        assert found is not None
-        if found.shape != shape or not np.all(np.isfinite(found)):
-            raise SpecError(
-                f"{where}: {name} gives shape {found.shape}; needed: {shape}, finite numbers, for "
-                f"{len(self.coordinates)} coordinates and {len(self.velocity_names)} velocities"
-            )
-        return found
 
 
 def _along(function: Callable[[Array], Array], x: Array, direction: Array) -> Array:

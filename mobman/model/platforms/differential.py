@@ -1,37 +1,38 @@
-"""The differential-drive platform, type (2,0): the paper's."""
+"""Platforms with fixed wheels on two sides: the differential drive, type (2,0), which is the paper's,
+and skid-steering."""
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
-from mobman.model.platforms.body import WheeledBody, WheelPart, body_urdf, required, required_body
+from mobman.model.platforms.body import WheeledBody, WheelPart, required
 from mobman.model.platforms.body_frame import BodyFramePlatform
 from mobman.model.platforms.platform import Gear, Site, Wheel, WheeledFields, platforms
-from mobman.model.platforms.wheels import Named, sides
-from mobman.toml_model import validate
+from mobman.model.platforms.wheels import JointPlace, Named, joints_of, sides
 
-_RIGHT, _LEFT = "wheel_right", "wheel_left"  # of a platform described by its numbers
+_WHEELS = ("wheel_right", "wheel_left")  # of a platform described by its numbers
 
 
-class DifferentialParameters(WheeledFields):
+class _TrackFields(WheeledFields):
+    half_track: float | None = Field(None, gt=0)
+    """W (m); by default half the distance between the sides in the URDF."""
+    reference_offset: float = 0.0
+    """a (m): the reference point (x1, x2) lies so far ahead of the middle of the wheels."""
+
+
+class DifferentialParameters(_TrackFields):
     """The fields of ``[platform]`` for ``type = "differential"``."""
 
     right_wheel: str | None = None
     """URDF joint of the driven wheel on the right (phi_1)."""
     left_wheel: str | None = None
     """URDF joint of the driven wheel on the left (phi_2)."""
-    half_track: float | None = Field(None, gt=0)
-    """W (m); by default half the distance between the wheels in the URDF."""
     alpha: Literal["wheel-rates", "paper"] = "wheel-rates"
     """Quasi-velocities: the wheels' rates (7), or those of (5) with phi' = (2/R) alpha."""
-    reference_offset: float = 0.0
-    """a (m): the reference point (x1, x2) lies so far ahead of the axle, as in (6) and (7); 0 is the
-    point on the axle of (2) and (5), the arm's mount is the other usual choice."""
     body: WheeledBody | None = None
     """The platform by its numbers instead of by a URDF; ``half_track`` is required then."""
 
@@ -86,57 +87,112 @@ class TwoSided(BodyFramePlatform):
         wheels = tuple(Wheel(joint, R) for joint in joints)
         super().__init__(joints, ("alpha_1", "alpha_2"), A_b, N_b, B_b, wheels=wheels, **place)
 
+    @classmethod
+    def with_wheels(
+        cls,
+        site: Site,
+        given: Any,
+        right: Sequence[JointPlace],
+        left: Sequence[JointPlace],
+        kappa: float = 1.0,
+        factor: float = 1.0,
+    ) -> Self:
+        """A platform whose wheels are where a URDF has them, its track times a factor."""
+        middle, half_track = sides(site, right, left)
+        W = half_track if given.half_track is None else given.half_track
+        R, a = given.wheel_radius, given.reference_offset
+        return cls(
+            joints_of(right),
+            joints_of(left),
+            radius=R,
+            half_track=W * factor,
+            offset=a,
+            kappa=kappa,
+            signs=[place.sign for place in (*right, *left)],
+            root_offset=np.array([-a, 0.0, R]) - middle,
+            heading=given.heading,
+        )
+
 
 @platforms.register("differential")
 class Differential(TwoSided):
     r"""Two driven wheels on one axle that neither slip nor skid, :math:`l = 5`, :math:`k = 3`.
 
     Coordinates :math:`x = (x_1, x_2, \theta, \phi_1, \phi_2)`, right wheel first. With the reference
-    point ``a`` ahead of the axle, A is (6) and N is (7) times ``kappa``, where
+    point ``a`` ahead of the axle (the arm's mount, say), A is (6) and N is (7) times ``kappa``, where
     :math:`\dot\phi = \kappa\alpha`: 1 for wheel rates, 2/R for the alpha of (5). With a = 0 they
     are (2) and, for the paper's alpha, (5).
-
-    Args:
-        wheels: Joint names of the right and the left wheel.
-        radius: R (m).
-        half_track: W (m).
-        offset, kappa, signs, place: See :class:`TwoSided`.
     """
 
-    def __init__(
-        self,
-        wheels: tuple[str, str],
-        radius: float,
-        half_track: float,
-        offset: float = 0.0,
-        kappa: float = 1.0,
-        **place: Any,
-    ) -> None:
-        super().__init__(wheels[:1], wheels[1:], radius, half_track, offset, kappa, **place)
+    fields = DifferentialParameters
 
     @classmethod
     def build(cls, site: Site) -> Differential:
         """See :meth:`Platform.build`; the wheels say where the axle is, and which way they roll."""
         given = site.read(DifferentialParameters)
-        right, left = Named(site, given).pair("right_wheel", "left_wheel", _RIGHT, _LEFT)
-        axle, half_track = sides(site, [right], [left])
-        R, a = given.wheel_radius, given.reference_offset
-        return cls(
-            wheels=(right.joint, left.joint),
-            radius=R,
-            half_track=half_track if given.half_track is None else given.half_track,
-            offset=a,
-            kappa=1.0 if given.alpha == "wheel-rates" else 2.0 / R,
-            signs=(right.sign, left.sign),
-            root_offset=np.array([-a, 0.0, R]) - axle,
-            heading=given.heading,
-        )
+        wheels = Named(site, given).pair("right_wheel", "left_wheel", *_WHEELS)
+        kappa = 1.0 if given.alpha == "wheel-rates" else 2.0 / given.wheel_radius
+        return cls.with_wheels(site, given, wheels[:1], wheels[1:], kappa=kappa)
 
     @classmethod
-    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
-        """See :meth:`Platform.describe`: a box with a wheel on either side."""
-        given = validate(DifferentialParameters, parameters, f"{origin}: [platform]")
-        body = required_body(origin, given.body)
+    def parts(cls, given: Any, origin: str) -> Iterable[WheelPart]:
+        """A wheel on either side."""
         R, W = given.wheel_radius, required(origin, "half_track", given.half_track)
-        wheels = [WheelPart(name, (0.0, y, R), R) for name, y in ((_RIGHT, -W), (_LEFT, W))]
-        return body_urdf(body, wheels)
+        return [WheelPart(name, (0.0, y, R)) for name, y in zip(_WHEELS, (-W, W), strict=True)]
+
+
+class SkidSteerBody(WheeledBody):
+    """The fields of ``[platform.body]`` for skid-steering: four wheels."""
+
+    wheelbase: float = Field(gt=0)
+    """Distance of the front and the rear axle (m)."""
+
+
+class SkidSteerParameters(_TrackFields):
+    """The fields of ``[platform]`` for ``type = "skid-steer"``."""
+
+    right_wheels: list[str] = []
+    """URDF joints of the wheels on the right, the one that stands for all of them first."""
+    left_wheels: list[str] = []
+    """The same on the left."""
+    track_factor: float = Field(1.0, ge=1)
+    """The effective track is so many times the geometric one: it turns as slowly as a differential
+    platform of that track. Identified on the ground that is driven on; 1 is no slip of the side."""
+    body: SkidSteerBody | None = None
+    """The platform by its numbers instead of by a URDF; ``half_track`` is required then."""
+
+
+@platforms.register("skid-steer")
+class SkidSteer(TwoSided):
+    r"""Wheels geared together on each side, as a differential platform with an effective track
+    (Mandow et al., IROS 2007): :math:`l = 3 + w` for w wheels, :math:`k = 1 + w`.
+
+    Coordinates :math:`x = (x_1, x_2, \theta, \phi_{r1}, \phi_{r2}, \dots, \phi_{l1}, \dots)`,
+    :math:`\alpha` the rates of the right and the left side. The middle does not slip sideways; that
+    the wheels do is no constraint. One motor a side; B is the identity.
+    """
+
+    fields = SkidSteerParameters
+    skids = True
+
+    @classmethod
+    def build(cls, site: Site) -> SkidSteer:
+        """See :meth:`Platform.build`."""
+        given = site.read(SkidSteerParameters)
+        named = Named(site, given)
+        right, left = (named.wheels(f"{side}_wheels", *_names(side)) for side in ("right", "left"))
+        return cls.with_wheels(site, given, right, left, factor=given.track_factor)
+
+    @classmethod
+    def parts(cls, given: Any, origin: str) -> Iterable[WheelPart]:
+        """Two wheels on either side."""
+        R, W = given.wheel_radius, required(origin, "half_track", given.half_track)
+        ahead = 0.5 * given.body.wheelbase
+        for side, y in (("right", -W), ("left", W)):
+            for name, x in zip(_names(side), (ahead, -ahead), strict=True):
+                yield WheelPart(name, (x, y, R))
+
+
+def _names(side: str) -> list[str]:
+    """Names of the wheels' joints of a platform described by its numbers."""
+    return [f"wheel_front_{side}", f"wheel_rear_{side}"]

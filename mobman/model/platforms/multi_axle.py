@@ -11,26 +11,18 @@ of :math:`\zeta_i = 1 + \mathrm{i}\kappa\rho_i`; it is singular on that line onl
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from mobman.errors import SpecError
-from mobman.model.platforms.body import (
-    Knuckle,
-    WheeledBody,
-    WheelPart,
-    body_urdf,
-    required,
-    required_body,
-)
+from mobman.model.platforms.body import Knuckle, WheeledBody, WheelPart, required
 from mobman.model.platforms.platform import Site, WheeledFields, platforms
 from mobman.model.platforms.swerve import Module, ModuleWheel, Swerve, located, modules_of, placed
-from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Named, carriers, wheel_place
+from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Named, carriers, joints_of, wheel_place
 from mobman.robots.urdf.compose import TRAVEL_JOINTS
-from mobman.toml_model import validate
 
 _SIDES = {"right": -1.0, "left": 1.0}
 
@@ -81,6 +73,7 @@ class MultiAxle(Swerve):
     squares. Steering moves no tip at once, as a car's.
     """
 
+    fields = MultiAxleParameters
     virtual_joints = TRAVEL_JOINTS[1:]
     velocity_names = ("v", "kappa_dot")
 
@@ -88,11 +81,10 @@ class MultiAxle(Swerve):
     def build(cls, site: Site) -> MultiAxle:
         """See :meth:`Platform.build`; the joints say which wheels are steered."""
         given = site.read(MultiAxleParameters)
-        own, named = _joints(given.body, site.origin), Named(site, given)
-        steering, wheels = named.names("steering", own[0]), named.names("wheels", own[1])
-        axes, places = located(site, steering, wheels, given.heading)
-        turned = [place for place in places if {*carriers(site, place)} & {*steering}]
-        fixed = [place.joint for place in places if not {*carriers(site, place)} & {*steering}]
+        axes, places = located(Named(site, given), *_names(given.body, site.origin))
+        wheels, steering = joints_of(places), set(joints_of(axes))
+        turned = [place for place in places if {*carriers(site, place)} & steering]
+        fixed = [name for name in wheels if name not in joints_of(turned)]
         straight = [wheel_place(site, name, "wheels", given.heading) for name in fixed]
         ahead = [float(place.centre[0]) for place in straight]
         if ahead and max(ahead) - min(ahead) > LENGTH_TOLERANCE:
@@ -134,26 +126,22 @@ class MultiAxle(Swerve):
         return cls(modules, rolling, **placed(given, middle, places))
 
     @classmethod
-    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
-        """See :meth:`Platform.describe`: a box with axles of a right and a left wheel each."""
-        given = validate(MultiAxleParameters, parameters, f"{origin}: [platform]")
-        body, R = required_body(origin, given.body), given.wheel_radius
-        knuckles, wheels = [], []
+    def parts(cls, given: Any, origin: str) -> Iterable[WheelPart | Knuckle]:
+        """Axles of a right and a left wheel each."""
+        body, R = given.body, given.wheel_radius
+        motion = body.knuckle_mass, body.steering_limit, body.steering_velocity
         for i, x in enumerate(body.axles, start=1):
             for side, sign in _SIDES.items():
                 spot, name = (x, sign * body.half_track, R), f"{i}_{side}"
-                if i not in body.steered:
-                    wheels.append(WheelPart(f"wheel_{name}", spot, R))
-                    continue
-                motion = body.steering_limit, body.steering_velocity, body.knuckle_mass, R
-                knuckles.append(Knuckle(f"steering_{name}", spot, *motion, body.steering_effort))
-                carried = f"steering_{name}_link"
-                wheels.append(WheelPart(f"wheel_{name}", (0.0, 0.0, 0.0), R, parent=carried))
-        return body_urdf(body, wheels, knuckles)
+                if i in body.steered:
+                    yield Knuckle(f"steering_{name}", spot, *motion, body.steering_effort)
+                    yield WheelPart(f"wheel_{name}", parent=f"steering_{name}_link")
+                else:
+                    yield WheelPart(f"wheel_{name}", spot)
 
 
-def _joints(body: MultiAxleBody | None, origin: str) -> tuple[list[str], list[str]]:
-    """Names of the steering joints and of the wheels of a platform described by its numbers."""
+def _names(body: MultiAxleBody | None, origin: str) -> tuple[list[str], list[str]]:
+    """Names of the places of a platform by its numbers: of those that are steered, and of all."""
     if body is None:
         return [], []
     every = range(1, len(body.axles) + 1)
@@ -162,5 +150,5 @@ def _joints(body: MultiAxleBody | None, origin: str) -> tuple[list[str], list[st
             f"{origin}: field 'platform.body.steered' is {body.steered}; allowed: numbers of axles, 1 "
             f"to {len(body.axles)}"
         )
-    steering = [f"steering_{i}_{side}" for i in every if i in body.steered for side in _SIDES]
-    return steering, [f"wheel_{i}_{side}" for i in every for side in _SIDES]
+    names = [(i, f"{i}_{side}") for i in every for side in _SIDES]
+    return [name for i, name in names if i in body.steered], [name for _, name in names]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -12,17 +11,15 @@ from pydantic import Field
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.model.platforms.body import WheeledBody, WheelPart, body_urdf, required, required_body
+from mobman.model.platforms.body import WheeledBody, WheelPart, required
 from mobman.model.platforms.body_frame import BodyFramePlatform
 from mobman.model.platforms.platform import Site, Wheel, WheeledFields, platforms
 from mobman.model.platforms.wheels import (
     AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
     Named,
-    check_level,
-    joint_place,
+    joints_of,
 )
-from mobman.toml_model import validate
 
 _SINGULAR = 1e-3  # ratio of singular values below which the wheels leave a direction free
 
@@ -78,6 +75,8 @@ class Omnidirectional(BodyFramePlatform):
         **place: ``root_offset`` and ``heading``, see :class:`Platform`.
     """
 
+    fields = OmnidirectionalParameters
+
     def __init__(
         self,
         joints: Sequence[str],
@@ -112,11 +111,10 @@ class Omnidirectional(BodyFramePlatform):
     def build(cls, site: Site) -> Omnidirectional:
         """See :meth:`Platform.build`; the wheels say where the middle is and which way they roll."""
         given = site.read(OmnidirectionalParameters)
-        names = Named(site, given).names("wheels", _names(given))
+        places = Named(site, given).rolling(*_names(given))
+        names = joints_of(places)
         if len(set(names)) < max(3, len(names)):
             raise site.fault("wheels", f" is {names}; allowed: three or more different joints")
-        places = [joint_place(site, name, "wheels", given.heading) for name in names]
-        check_level(site, places)
         centre = np.mean([place.centre for place in places], axis=0)
         positions = np.array([place.centre[:2] - centre[:2] for place in places])
         axes = np.array([place.axis for place in places])
@@ -145,26 +143,21 @@ class Omnidirectional(BodyFramePlatform):
         )
 
     @classmethod
-    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
-        """See :meth:`Platform.describe`: a box with its wheels on a rectangle or on a circle."""
-        given = validate(OmnidirectionalParameters, parameters, f"{origin}: [platform]")
-        body, R = required_body(origin, given.body), given.wheel_radius
-        why = f"{given.kind} wheels need it"
+    def parts(cls, given: Any, origin: str) -> Iterable[WheelPart]:
+        """Wheels on a rectangle or on a circle."""
+        body, why = given.body, f"{given.kind} wheels need it"
         if given.kind == "mecanum":
             x = 0.5 * required(origin, "body.wheelbase", body.wheelbase, why)
             y = required(origin, "body.half_track", body.half_track, why)
-            spots = [(x, y), (x, -y), (-x, y), (-x, -y)]
-            yaws = [0.0] * 4
+            places = [(x, y, 0.0), (x, -y, 0.0), (-x, y, 0.0), (-x, -y, 0.0)]
         else:
             circle = required(origin, "body.circle", body.circle, why)
             angles = required(origin, "body.angles", body.angles, why)
-            spots = [(circle * math.cos(a), circle * math.sin(a)) for a in angles]
-            yaws = [a - 0.5 * math.pi for a in angles]
-        wheels = [
-            WheelPart(name, (*spot, R), R, yaw)
-            for name, spot, yaw in zip(_names(given), spots, yaws, strict=True)
-        ]
-        return body_urdf(body, wheels)
+            places = [
+                (circle * math.cos(a), circle * math.sin(a), a - 0.5 * math.pi) for a in angles
+            ]
+        for name, (x, y, yaw) in zip(_names(given), places, strict=True):
+            yield WheelPart(name, (x, y, given.wheel_radius), yaw)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -16,6 +16,7 @@ from mobman.arrays import Array, Index, Matrix, Tensor, Vector
 from mobman.compiled import kernel, plain
 from mobman.errors import SpecError
 from mobman.linalg import dot
+from mobman.model.platforms.body import Knuckle, WheelPart, body_urdf
 from mobman.registry import Registry
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.toml_model import Strict, validate
@@ -150,6 +151,8 @@ class Platform(ABC):
     (17). A new type is one new module in ``mobman/model/platforms`` that registers its class.
     """
 
+    fields: type[Strict] = Fields
+    """The fields of ``[platform]``; with a ``body`` if it may be described by its numbers."""
     coordinates: tuple[str, ...]
     """Joint names of x, in the paper's order (l of them)."""
     velocity_names: tuple[str, ...]
@@ -182,6 +185,20 @@ class Platform(ABC):
     ``turret``, ``axle``, ``centre``, ``height``, ``wheel_radius``, ``half_track``. Without any,
     ``--platform`` does not offer the type."""
 
+    def __init__(
+        self,
+        joints: Sequence[str],
+        velocity_names: Sequence[str],
+        equations: Equations,
+        root_offset: Array | None = None,
+        heading: float = 0.0,
+        wheels: Sequence[Wheel] = (),
+    ) -> None:
+        self.coordinates = (*self.base_joints, *self.virtual_joints, *joints)
+        self.velocity_names, self.equations = tuple(velocity_names), equations
+        self.root_offset = np.zeros(3) if root_offset is None else root_offset
+        self.heading, self.wheels = heading, tuple(wheels)
+
     @classmethod
     @abstractmethod
     def build(cls, site: Site) -> Platform:
@@ -205,9 +222,24 @@ class Platform(ABC):
         Raises:
             SpecError: If a field is wrong, or the type cannot be described so.
         """
-        raise SpecError(
-            f"{origin}: field 'urdf' is missing: this platform type has no description by numbers"
-        )
+        if "body" not in cls.fields.model_fields:
+            raise SpecError(
+                f"{origin}: field 'urdf' is missing: this platform type has no description by numbers"
+            )
+        given: Any = validate(cls.fields, parameters, f"{origin}: [platform]")
+        if given.body is None:
+            raise SpecError(
+                f"{origin}: field 'urdf' is missing, and so is 'platform.body': describe the platform "
+                "by a URDF or by its numbers"
+            )
+        radius = getattr(given, "wheel_radius", 0.0)
+        return body_urdf(given.body, radius, cls.parts(given, origin))
+
+    @classmethod
+    def parts(cls, given: Any, origin: str) -> Iterable[WheelPart | Knuckle]:
+        """The wheels and steering joints of a platform that is described by its numbers, ``given`` its
+        fields; see :meth:`describe`."""
+        return ()
 
     def consistent(self, x: Array) -> Array:
         """x with the coordinates that others determine set accordingly; all are free by default.

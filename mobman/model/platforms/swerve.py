@@ -15,9 +15,9 @@ is on the steering axis, and the module may point anywhere.
 
 from __future__ import annotations
 
+import cmath
 import math
-import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,14 +26,7 @@ from pydantic import Field
 from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.compiled import kernel
 from mobman.errors import UsageError
-from mobman.model.platforms.body import (
-    Knuckle,
-    WheeledBody,
-    WheelPart,
-    body_urdf,
-    required,
-    required_body,
-)
+from mobman.model.platforms.body import Knuckle, WheeledBody, WheelPart, required
 from mobman.model.platforms.platform import (
     Equations,
     Platform,
@@ -42,18 +35,22 @@ from mobman.model.platforms.platform import (
     WheeledFields,
     platforms,
 )
+from mobman.model.platforms.rolling import (
+    constraint_derivative_rate,
+    constraints,
+    row,
+    wheel_rates,
+    wheel_rates_rate,
+)
 from mobman.model.platforms.wheels import (
     AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
     JointPlace,
     Named,
     carriers,
-    check_level,
-    check_upright,
-    joint_place,
+    joints_of,
 )
-from mobman.robots.urdf.compose import BASE_JOINTS, TRAVEL_JOINTS
-from mobman.toml_model import validate
+from mobman.robots.urdf.compose import TRAVEL_JOINTS
 
 _ON_AXIS = 1e-6  # of |zeta|: below it the centre of rotation is on the steering axis
 _CORNERS = tuple(f"{end}_{side}" for end in ("front", "rear") for side in ("left", "right"))
@@ -131,9 +128,10 @@ class Swerve(Platform):
         modules: The steering joints, before the places where nothing is steered.
         rolling: The wheels.
         radius: R (m).
-        root_offset, heading: See :class:`Platform`.
+        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
     """
 
+    fields: type[WheeledFields] = SwerveParameters
     virtual_joints: tuple[str, ...] = TRAVEL_JOINTS
     velocity_names: tuple[str, ...] = ("v", "psi_dot", "kappa_dot")
 
@@ -142,56 +140,57 @@ class Swerve(Platform):
         modules: Sequence[Module],
         rolling: Sequence[ModuleWheel],
         radius: float,
-        root_offset: Array | None = None,
-        heading: float = 0.0,
+        **place: Any,
     ) -> None:
         self.modules, self.radius = tuple(one for one in modules if one.sign), radius
         self.following = tuple(one.joint for one in self.modules)
-        self.wheels = tuple(Wheel(one.joint, radius) for one in rolling)
-        names = (one.joint for one in rolling)
-        self.coordinates = (*BASE_JOINTS, *self.virtual_joints, *self.following, *names)
-        self.root_offset = np.zeros(3) if root_offset is None else root_offset
-        self.heading = heading
-        self._free = len(self.virtual_joints) - 1
-        counts = len(self.modules), len(rolling), self._free, len(modules)
-        numbers = [(m.position.real, m.position.imag, m.zero, m.sign) for m in modules]
-        more = [(w.module, w.left, w.sign * radius, w.driven) for w in rolling]
-        self.equations = Equations(
-            np.array([*counts, *np.ravel(numbers), *np.ravel(more)]),
-            *(_velocity_map, _velocity_map_rate, _constraints),
-            *(_constraint_derivative_rate, _actuation),
+        n, last = len(self.modules), 2 + len(self.virtual_joints)  # kappa's place
+        l = last + 1 + n + len(rolling)
+        # travel along psi; then, with what the kernels add, turning by kappa and steering that follows
+        rows = [row(l, -1j, steered=(3, 1.0) if last > 3 else (2, 0.0)), row(l, others={2: -1.0})]
+        rows += [row(l, others={last + i: one.sign}) for i, one in enumerate(self.modules, 1)]
+        for j, wheel in enumerate(rolling, last + 1 + n):
+            module = modules[wheel.module]
+            steered = (last + 1 + wheel.module, module.sign) if module.sign else (2, 0.0)
+            lever = {steered[0]: -wheel.left * module.sign, 2: -wheel.left}
+            others = {**lever, j: -wheel.sign * radius}
+            rows.append(row(l, cmath.exp(1j * module.zero), module.position, steered, others))
+        numbers = [(m.position.real, m.position.imag, m.sign) for m in self.modules]
+        own = [n, *np.ravel(numbers), *(wheel.driven for wheel in rolling)]
+        super().__init__(
+            (*self.following, *(wheel.joint for wheel in rolling)),
+            self.velocity_names,
+            Equations(
+                np.array([*np.ravel(rows), *own]),
+                *(_velocity_map, _velocity_map_rate, _constraints),
+                *(_constraint_derivative_rate, _actuation),
+            ),
+            wheels=[Wheel(wheel.joint, radius) for wheel in rolling],
+            **place,
         )
 
     @classmethod
     def build(cls, site: Site) -> Swerve:
         """See :meth:`Platform.build`; the wheels say in which direction a module points."""
         given = site.read(SwerveParameters)
-        own, named = _spots(given.body, "") if given.body is not None else {}, Named(site, given)
-        steering = named.names("steering", [f"steering_{name}" for name in own])
-        wheels = named.names("wheels", [f"wheel_{name}" for name in own])
-        if len(set(steering)) < max(2, len(steering)):
-            raise site.fault("steering", f" is {steering}; allowed: two or more different joints")
-        axes, places = located(site, steering, wheels, given.heading)
+        own = _spots(given.body, "") if given.body is not None else {}
+        axes, places = located(Named(site, given), own, own)
+        if len(axes) < 2:
+            raise site.fault(
+                "steering", f" is {joints_of(axes)}; allowed: two or more different joints"
+            )
         middle = complex(np.mean([complex(*place.centre[:2]) for place in axes]))
         modules, rolling = modules_of(site, axes, places, middle)
         return cls(modules, rolling, **placed(given, middle, places))
 
     @classmethod
-    def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
-        """See :meth:`Platform.describe`: a box with modules on a rectangle or on a circle."""
-        given = validate(SwerveParameters, parameters, f"{origin}: [platform]")
-        body, R = required_body(origin, given.body), given.wheel_radius
-        knuckles, wheels = [], []
+    def parts(cls, given: Any, origin: str) -> Iterable[WheelPart | Knuckle]:
+        """Modules on a rectangle or on a circle."""
+        body, R = given.body, given.wheel_radius
+        motor = {"velocity": body.steering_velocity, "effort": body.steering_effort}
         for name, (x, y) in _spots(body, origin).items():
-            joint = f"steering_{name}"
-            knuckles.append(
-                Knuckle(
-                    *(joint, (x, y, R), math.inf, body.steering_velocity, body.module_mass, R),
-                    effort=body.steering_effort,
-                )
-            )
-            wheels.append(WheelPart(f"wheel_{name}", (0.0, 0.0, 0.0), R, parent=f"{joint}_link"))
-        return body_urdf(body, wheels, knuckles)
+            yield Knuckle(f"steering_{name}", (x, y, R), body.module_mass, **motor)
+            yield WheelPart(f"wheel_{name}", parent=f"steering_{name}_link")
 
     def consistent(self, x: Array) -> Array:
         """See :meth:`Platform.consistent`: the steering angles that psi and kappa ask for, each on the
@@ -200,8 +199,8 @@ class Swerve(Platform):
         Raises:
             UsageError: If the centre of rotation is on a steering axis.
         """
-        result, last = x.copy(), 3 + self._free
-        direction = np.exp(1j * x[3]) if self._free else 1.0
+        result, last = x.copy(), 2 + len(self.virtual_joints)
+        direction = np.exp(1j * x[3]) if last > 3 else 1.0
         for i, module in enumerate(self.modules, start=last + 1):
             zeta = direction + 1j * x[last] * module.position
             if abs(zeta) < _ON_AXIS:
@@ -232,23 +231,22 @@ def _spots(body: SwerveBody, origin: str) -> dict[str, tuple[float, float]]:
 
 
 def located(
-    site: Site, steering: Sequence[str], wheels: Sequence[str], heading: float
+    named: Named, steering: Iterable[str], wheels: Iterable[str]
 ) -> tuple[list[JointPlace], list[JointPlace]]:
-    """Locate steering joints and wheels.
+    """Locate steering joints and wheels, which on a platform by its numbers are called after places.
 
     Raises:
         SpecError: If one is there twice, or not where it can steer or roll.
     """
-    for field, names in (("steering", steering), ("wheels", wheels)):
+    axes = named.steering("steering", *(f"steering_{name}" for name in steering))
+    places = named.rolling(*(f"wheel_{name}" for name in wheels))
+    for field, found in (("steering", axes), ("wheels", places)):
+        names = joints_of(found)
         if len(set(names)) < len(names):
-            raise site.fault(field, f" is {names}; one is there twice")
-    axes = [joint_place(site, name, "steering", heading) for name in steering]
-    check_upright(site, axes, "steering")
-    places = [joint_place(site, name, "wheels", heading) for name in wheels]
-    check_level(site, places)
+            raise named.site.fault(field, f" is {names}; one is there twice")
     rho = np.array([complex(*place.centre[:2]) for place in axes])
     if np.min(np.abs(rho[:, None] - rho + np.eye(len(rho)))) < LENGTH_TOLERANCE:
-        raise site.fault("steering", ": two axes are at one place")
+        raise named.site.fault("steering", ": two axes are at one place")
     return axes, places
 
 
@@ -267,7 +265,7 @@ def modules_of(
     Raises:
         SpecError: If a wheel is carried by none of the joints or several, or is not beside its axis.
     """
-    carried, steering = [], [place.joint for place in axes]
+    carried, steering = [], joints_of(axes)
     for place in places:
         above = carriers(site, place)
         found = [i for i, name in enumerate(steering) if name in above]
@@ -282,7 +280,7 @@ def modules_of(
     for i, axis in enumerate(axes):
         behind = [one for one, module in zip(places, carried, strict=True) if module == i]
         zero, rho = _zero(site, axis, behind), complex(*axis.centre[:2]) - middle
-        modules.append(Module(axis.joint, rho, zero, float(np.sign(axis.axis[2]))))
+        modules.append(Module(axis.joint, rho, zero, axis.turn))
         rolling += [_wheel(site, one, i, axis, zero) for one in behind]
     return modules, rolling
 
@@ -322,25 +320,19 @@ def _wheel(site: Site, place: JointPlace, i: int, axis: JointPlace, zero: float)
     return ModuleWheel(place.joint, i, float(apart @ left), float(np.sign(place.axis @ left)))
 
 
-# Parameters of the kernels: n, w, 1 where psi is free or 0 where it is 0 and no coordinate, the number
-# m of modules; x_i, y_i, gamma_i, sign_i of each module, the n that steer first; module, e, sign R and
-# 1 where it is driven of each wheel. x = (x_1, x_2, theta, [psi,] kappa, delta_1 ..., phi_1 ...).
+# Parameters of the kernels: the table of constraints; n; x_i, y_i, sign_i of each module that steers;
+# 1 for each wheel that is driven, else 0. x = (x_1, x_2, theta, [psi,] kappa, delta_1 ..., phi_1 ...),
+# and p, the number of velocities, says whether psi is free.
 
 
 @kernel
-def _counts(parameters: Vector) -> tuple[int, int, int, int]:
-    """n, w, 1 or 0, m."""
-    return int(parameters[0]), int(parameters[1]), int(parameters[2]), int(parameters[3])
-
-
-@kernel
-def _ways(parameters: Vector, i: int, psi: float, kappa: float) -> tuple[complex, complex, complex]:
+def _ways(own: Vector, i: int, psi: float, kappa: float) -> tuple[complex, complex, complex]:
     """L_psi, L_kappa and zeta_psipsi / zeta of a module's L = log(zeta), of which Im L is the angle.
 
     The higher derivatives are products of these: L_psipsi = third - L_psi^2, L_psikappa = -L_psi
     L_kappa, L_kappakappa = -L_kappa^2.
     """
-    rho = complex(parameters[4 + 4 * i], parameters[5 + 4 * i])
+    rho = complex(own[1 + 3 * i], own[2 + 3 * i])
     e = complex(math.cos(psi), math.sin(psi))
     zeta = e + 1j * kappa * rho
     # its inverse without a division by 0, which Python refuses where compiled code gives inf
@@ -351,130 +343,93 @@ def _ways(parameters: Vector, i: int, psi: float, kappa: float) -> tuple[complex
 @kernel
 def _velocity_map(parameters: Vector, x: Vector, N: Matrix) -> None:
     """N of the class, with alpha = (v, [psi',] kappa')."""
-    n, w, free, m = _counts(parameters)
-    psi, kappa, first = x[3] if free else 0.0, x[3 + free], 4 + free
+    l, p = N.shape
+    own = parameters[(l - p) * (6 + l) :]
+    n, psi, kappa = int(own[0]), x[3] if p > 2 else 0.0, x[p + 1]
     N[:, :] = 0.0
     N[0, 0], N[1, 0], N[2, 0] = math.cos(x[2] + psi), math.sin(x[2] + psi), kappa
-    for k in range(1 + free):
-        N[3 + k, 1 + k] = 1.0
+    for m in range(1, p):
+        N[2 + m, m] = 1.0
     for i in range(n):
-        along, turning, _ = _ways(parameters, i, psi, kappa)
-        sign = parameters[7 + 4 * i]
-        if free:
-            N[first + i, 1] = sign * along.imag
-        N[first + i, 1 + free] = sign * turning.imag
-    for j in range(w):
-        at = 4 + 4 * m + 4 * j
-        i, left, R = int(parameters[at]), parameters[at + 1], parameters[at + 2]
-        a, b, sign = parameters[4 + 4 * i], parameters[5 + 4 * i], parameters[7 + 4 * i]
-        d = first + min(i, n - 1)  # its sign is 0 where nothing is steered
-        angle = parameters[6 + 4 * i] + sign * x[d]
-        lever = a * math.sin(angle) - b * math.cos(angle) - left
-        row = first + n + j
-        N[row, 0] = (math.cos(angle - psi) + kappa * lever) / R
-        for k in range(1, 2 + free):
-            N[row, k] = -left * sign * N[d, k] / R
+        along, turning, _ = _ways(own, i, psi, kappa)
+        sign = own[3 + 3 * i]
+        if p > 2:
+            N[p + 2 + i, 1] = sign * along.imag
+        N[p + 2 + i, p - 1] = sign * turning.imag
+    wheel_rates(parameters, x, 2 + n, N)
 
 
 @kernel
 def _velocity_map_rate(parameters: Vector, x: Vector, x_dot: Vector, N_rate: Matrix) -> None:
     """d/dt of the same."""
-    n, w, free, m = _counts(parameters)
-    psi, kappa, first = x[3] if free else 0.0, x[3 + free], 4 + free
-    psi_dot, kappa_dot = x_dot[3] if free else 0.0, x_dot[3 + free]
+    l, p = N_rate.shape
+    own = parameters[(l - p) * (6 + l) :]
+    n, psi, kappa = int(own[0]), x[3] if p > 2 else 0.0, x[p + 1]
+    psi_dot, kappa_dot = x_dot[3] if p > 2 else 0.0, x_dot[p + 1]
+    c, s = math.cos(x[2] + psi), math.sin(x[2] + psi)
     turn = x_dot[2] + psi_dot
     N_rate[:, :] = 0.0
-    N_rate[0, 0] = -math.sin(x[2] + psi) * turn
-    N_rate[1, 0] = math.cos(x[2] + psi) * turn
-    N_rate[2, 0] = kappa_dot
+    N_rate[0, 0], N_rate[1, 0], N_rate[2, 0] = -s * turn, c * turn, kappa_dot
     for i in range(n):
-        along, turning, third = _ways(parameters, i, psi, kappa)
-        sign = parameters[7 + 4 * i]
+        along, turning, third = _ways(own, i, psi, kappa)
+        sign = own[3 + 3 * i]
         change = along * psi_dot + turning * kappa_dot
-        if free:
-            N_rate[first + i, 1] = sign * (third * psi_dot - along * change).imag
-        N_rate[first + i, 1 + free] = -sign * (turning * change).imag
-    for j in range(w):
-        at = 4 + 4 * m + 4 * j
-        i, left, R = int(parameters[at]), parameters[at + 1], parameters[at + 2]
-        a, b, sign = parameters[4 + 4 * i], parameters[5 + 4 * i], parameters[7 + 4 * i]
-        d = first + min(i, n - 1)
-        angle, rate = parameters[6 + 4 * i] + sign * x[d], sign * x_dot[d]
-        c, s = math.cos(angle), math.sin(angle)
-        row = first + n + j
-        N_rate[row, 0] = (
-            -math.sin(angle - psi) * (rate - psi_dot)
-            + kappa_dot * (a * s - b * c - left)
-            + kappa * (a * c + b * s) * rate
-        ) / R
-        for k in range(1, 2 + free):
-            N_rate[row, k] = -left * sign * N_rate[d, k] / R
+        if p > 2:
+            N_rate[p + 2 + i, 1] = sign * (third * psi_dot - along * change).imag
+        N_rate[p + 2 + i, p - 1] = -sign * (turning * change).imag
+    wheel_rates_rate(parameters, x, x_dot, 2 + n, (c, s, kappa), N_rate)
 
 
 @kernel
 def _actuation(parameters: Vector, x: Vector, B: Matrix) -> None:
     """B'' = S (S^T S)^-1 for the motors' rates S alpha: of all torques that make the commands, those
     with the least sum of squares."""
-    n, w, free, m = _counts(parameters)
-    first, last = 4 + free, 1 + free
+    l, p = B.shape
+    own = parameters[(l - p) * (6 + l) :]
+    n, first, last = int(own[0]), p + 2, p - 1
     _velocity_map(parameters, x, B)
-    for j in range(w):
-        if parameters[7 + 4 * m + 4 * j] == 0.0:
-            B[first + n + j, :] = 0.0
+    for i in range(first + n, l):
+        if own[1 + 3 * n + i - first - n] == 0.0:
+            B[i, :] = 0.0
     g00 = g01 = g02 = g12 = g22 = 0.0
-    g11 = 1.0 - free
-    for i in range(first, B.shape[0]):
-        p, q, r = B[i, 0], B[i, 1] if free else 0.0, B[i, last]
-        g00, g01, g02 = g00 + p * p, g01 + p * q, g02 + p * r
-        g11, g12, g22 = g11 + q * q, g12 + q * r, g22 + r * r
+    g11 = 0.0 if p > 2 else 1.0
+    for i in range(first, l):
+        a, b, c = B[i, 0], B[i, 1] if p > 2 else 0.0, B[i, last]
+        g00, g01, g02 = g00 + a * a, g01 + a * b, g02 + a * c
+        g11, g12, g22 = g11 + b * b, g12 + b * c, g22 + c * c
     # the adjugate
     h00, h01, h02 = g11 * g22 - g12 * g12, g02 * g12 - g01 * g22, g01 * g12 - g02 * g11
     h11, h12, h22 = g00 * g22 - g02 * g02, g01 * g02 - g00 * g12, g00 * g11 - g01 * g01
     determinant = g00 * h00 + g01 * h01 + g02 * h02
     B[:first, :] = 0.0
-    for i in range(first, B.shape[0]):
-        p, q, r = B[i, 0], B[i, 1] if free else 0.0, B[i, last]
-        B[i, 0] = (p * h00 + q * h01 + r * h02) / determinant
-        if free:
-            B[i, 1] = (p * h01 + q * h11 + r * h12) / determinant
-        B[i, last] = (p * h02 + q * h12 + r * h22) / determinant
+    for i in range(first, l):
+        a, b, c = B[i, 0], B[i, 1] if p > 2 else 0.0, B[i, last]
+        B[i, 0] = (a * h00 + b * h01 + c * h02) / determinant
+        if p > 2:
+            B[i, 1] = (a * h01 + b * h11 + c * h12) / determinant
+        B[i, last] = (a * h02 + b * h12 + c * h22) / determinant
 
 
 @kernel
 def _constraints(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None:
     """Travel along psi, turning by kappa, steering that follows, wheels that roll."""
-    n, w, free, m = _counts(parameters)
-    psi, kappa, first, last = x[3] if free else 0.0, x[3 + free], 4 + free, 3 + free
+    k, l = A.shape
+    own, p = parameters[k * (6 + l) :], l - k
+    last, psi, kappa = p + 1, x[3] if p > 2 else 0.0, x[p + 1]
     c, s = math.cos(x[2] + psi), math.sin(x[2] + psi)
-    A[:, :] = 0.0
-    A_x[:, :, :] = 0.0
-    A[0, 0], A[0, 1] = s, -c
-    A[1, 0], A[1, 1], A[1, 2] = kappa * c, kappa * s, -1.0
-    for k in range(2, last):
-        A_x[0, 0, k], A_x[0, 1, k] = c, s
-        A_x[1, 0, k], A_x[1, 1, k] = -kappa * s, kappa * c
+    constraints(parameters, x, A, A_x)
+    A[1, 0], A[1, 1] = kappa * c, kappa * s
+    for m in range(2, last):
+        A_x[1, 0, m], A_x[1, 1, m] = -kappa * s, kappa * c
     A_x[1, 0, last], A_x[1, 1, last] = c, s
-    for i in range(n):
-        along, turning, third = _ways(parameters, i, psi, kappa)
-        A[2 + i, last], A[2 + i, first + i] = -turning.imag, parameters[7 + 4 * i]
+    for i in range(int(own[0])):
+        along, turning, third = _ways(own, i, psi, kappa)
+        A[2 + i, last] = -turning.imag
         A_x[2 + i, last, last] = (turning * turning).imag
-        if free:
+        if p > 2:
             A[2 + i, 3] = -along.imag
             A_x[2 + i, 3, 3] = (along * along - third).imag
             A_x[2 + i, 3, 4] = A_x[2 + i, 4, 3] = (along * turning).imag
-    for j in range(w):
-        at = 4 + 4 * m + 4 * j
-        i, left, R = int(parameters[at]), parameters[at + 1], parameters[at + 2]
-        a, b, sign = parameters[4 + 4 * i], parameters[5 + 4 * i], parameters[7 + 4 * i]
-        row, d = 2 + n + j, first + min(i, n - 1)
-        angle = parameters[6 + 4 * i] + sign * x[d]
-        c, s = math.cos(angle), math.sin(angle)
-        cw, sw = math.cos(x[2] + angle), math.sin(x[2] + angle)
-        A[row, 0], A[row, 1], A[row, 2] = cw, sw, a * s - b * c - left
-        A[row, d], A[row, first + n + j] = -left * sign, -R
-        A_x[row, 0, 2], A_x[row, 1, 2] = -sw, cw
-        A_x[row, 0, d], A_x[row, 1, d] = -sign * sw, sign * cw
-        A_x[row, 2, d] = sign * (a * c + b * s)
 
 
 @kernel
@@ -482,35 +437,25 @@ def _constraint_derivative_rate(
     parameters: Vector, x: Vector, x_dot: Vector, A_x_rate: Tensor
 ) -> None:
     """d/dt of the derivatives of A."""
-    n, w, free, m = _counts(parameters)
-    psi, kappa, first, last = x[3] if free else 0.0, x[3 + free], 4 + free, 3 + free
-    psi_dot, kappa_dot = x_dot[3] if free else 0.0, x_dot[last]
+    k, l, _ = A_x_rate.shape
+    own, p = parameters[k * (6 + l) :], l - k
+    last, psi, kappa = p + 1, x[3] if p > 2 else 0.0, x[p + 1]
+    psi_dot, kappa_dot = x_dot[3] if p > 2 else 0.0, x_dot[last]
     turn = x_dot[2] + psi_dot
     c, s = math.cos(x[2] + psi), math.sin(x[2] + psi)
-    A_x_rate[:, :, :] = 0.0
-    for k in range(2, last):
-        A_x_rate[0, 0, k], A_x_rate[0, 1, k] = -s * turn, c * turn
-        A_x_rate[1, 0, k] = -kappa_dot * s - kappa * c * turn
-        A_x_rate[1, 1, k] = kappa_dot * c - kappa * s * turn
+    constraint_derivative_rate(parameters, x, x_dot, A_x_rate)
+    for m in range(2, last):
+        A_x_rate[1, 0, m] = -kappa_dot * s - kappa * c * turn
+        A_x_rate[1, 1, m] = kappa_dot * c - kappa * s * turn
     A_x_rate[1, 0, last], A_x_rate[1, 1, last] = -s * turn, c * turn
-    for i in range(n):
-        along, turning, third = _ways(parameters, i, psi, kappa)
+    for i in range(int(own[0])):
+        along, turning, third = _ways(own, i, psi, kappa)
         change = along * psi_dot + turning * kappa_dot
         along_rate, turning_rate = third * psi_dot - along * change, -turning * change
         A_x_rate[2 + i, last, last] = (2.0 * turning * turning_rate).imag
-        if free:
+        if p > 2:
             # zeta_psipsi = -e, whose own derivative is that of e: zeta_psipsipsi / zeta = -L_psi
             third_rate = -along * psi_dot - third * change
             A_x_rate[2 + i, 3, 3] = (2.0 * along * along_rate - third_rate).imag
             mixed = (along_rate * turning + along * turning_rate).imag
             A_x_rate[2 + i, 3, 4] = A_x_rate[2 + i, 4, 3] = mixed
-    for j in range(w):
-        i = int(parameters[4 + 4 * m + 4 * j])
-        a, b, sign = parameters[4 + 4 * i], parameters[5 + 4 * i], parameters[7 + 4 * i]
-        row, d = 2 + n + j, first + min(i, n - 1)
-        angle, rate = parameters[6 + 4 * i] + sign * x[d], sign * x_dot[d]
-        both = x_dot[2] + rate
-        c, s = math.cos(x[2] + angle) * both, math.sin(x[2] + angle) * both
-        A_x_rate[row, 0, 2], A_x_rate[row, 1, 2] = -c, -s
-        A_x_rate[row, 0, d], A_x_rate[row, 1, d] = -sign * c, -sign * s
-        A_x_rate[row, 2, d] = sign * (b * math.cos(angle) - a * math.sin(angle)) * rate

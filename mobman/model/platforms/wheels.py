@@ -35,6 +35,11 @@ class JointPlace(NamedTuple):
         """+1 where a positive rate about the axis rolls a wheel forward, -1 where backward."""
         return float(np.sign(self.axis[1]))
 
+    @property
+    def turn(self) -> float:
+        """+1 where a positive angle of a steering joint turns to the left, -1 where to the right."""
+        return float(np.sign(self.axis[2]))
+
 
 def joint_place(site: Site, name: str, field: str, heading: float) -> JointPlace:
     """Locate a joint.
@@ -108,53 +113,61 @@ class Named:
         heading = self.given.heading
         return [wheel_place(self.site, n, field, heading) for n in self.names(field, own)]
 
-    def pair(self, right: str, left: str, *own: str) -> tuple[JointPlace, JointPlace]:
+    def pair(self, right: str, left: str, *own: str) -> list[JointPlace]:
         """Places of the wheels that two fields name, the right and the left one."""
-        (one,), (other,) = self.wheels(right, own[0]), self.wheels(left, own[1])
-        return one, other
+        return [*self.wheels(right, own[0]), *self.wheels(left, own[1])]
+
+    def steering(self, field: str, *own: str) -> list[JointPlace]:
+        """Places of a field's joints, about vertical axes.
+
+        Raises:
+            SpecError: If an axis is not vertical.
+        """
+        names, heading = self.names(field, own), self.given.heading
+        places = [joint_place(self.site, name, field, heading) for name in names]
+        for place in places:
+            if abs(place.axis[2]) < math.cos(AXIS_TOLERANCE):
+                raise self.site.fault(
+                    field,
+                    f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform "
+                    "frame; a steering joint's is vertical",
+                )
+        return places
+
+    def rolling(self, *own: str) -> list[JointPlace]:
+        """Places of the joints of field ``wheels``, about horizontal axes at one height.
+
+        Raises:
+            SpecError: If one has not such an axis.
+        """
+        names, heading = self.names("wheels", own), self.given.heading
+        places = [joint_place(self.site, name, "wheels", heading) for name in names]
+        for place in places:
+            if abs(place.axis[2]) > AXIS_TOLERANCE:
+                raise self.site.fault(
+                    "wheels",
+                    f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform "
+                    "frame; a wheel's is horizontal",
+                )
+            low, high = places[0].centre[2], place.centre[2]
+            if abs(high - low) > LENGTH_TOLERANCE:
+                raise self.site.fault(
+                    "wheels",
+                    f": {places[0].joint!r} and {place.joint!r} are at heights {low:.4f} and "
+                    f"{high:.4f}; wheels of one radius on one ground are at one height",
+                )
+        return places
+
+
+def joints_of(places: Iterable[JointPlace]) -> list[str]:
+    """Names of joints by their places."""
+    return [place.joint for place in places]
 
 
 def carriers(site: Site, place: JointPlace) -> list[str]:
     """The joints that carry a joint, itself included."""
     tree = site.tree
     return [tree.names[i] for i in tree.supports[tree.getJointId(place.joint)] if i]
-
-
-def check_upright(site: Site, places: Sequence[JointPlace], field: str) -> None:
-    """Check that steering joints have vertical axes.
-
-    Raises:
-        SpecError: If one has not.
-    """
-    for place in places:
-        if abs(place.axis[2]) < math.cos(AXIS_TOLERANCE):
-            raise site.fault(
-                field,
-                f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform frame; "
-                "a steering joint's is vertical",
-            )
-
-
-def check_level(site: Site, places: Sequence[JointPlace]) -> None:
-    """Check that the joints of ``platform.wheels`` have horizontal axes at one height.
-
-    Raises:
-        SpecError: If one has not.
-    """
-    first = places[0]
-    for place in places:
-        if abs(place.axis[2]) > AXIS_TOLERANCE:
-            raise site.fault(
-                "wheels",
-                f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform frame; "
-                "a wheel's is horizontal",
-            )
-        if abs(place.centre[2] - first.centre[2]) > LENGTH_TOLERANCE:
-            raise site.fault(
-                "wheels",
-                f": {first.joint!r} and {place.joint!r} are at heights {first.centre[2]:.4f} and "
-                f"{place.centre[2]:.4f}; wheels of one radius on one ground are at one height",
-            )
 
 
 def sides(

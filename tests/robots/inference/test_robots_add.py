@@ -17,7 +17,7 @@ from mobman.cli.robots_add import _TYPES, add
 from mobman.errors import UsageError
 from mobman.files import write_new
 from mobman.model.platforms.platform import platforms
-from mobman.model.platforms.unicycle import Unicycle
+from mobman.model.platforms.wheelless import Unicycle
 from mobman.robots.catalogue import list_robots
 from mobman.robots.infer.write import choose_name, licence
 from mobman.robots.spec import UrdfSource
