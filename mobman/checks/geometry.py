@@ -11,7 +11,7 @@ from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warni
 from mobman.model.platforms.platform import Wheel
 from mobman.model.platforms.wheels import AXIS_TOLERANCE
 from mobman.robots.infer.findings import MOST_RADIUS
-from mobman.robots.places import user_robots_folder
+from mobman.robots.spec import user_robots_folder
 from mobman.robots.urdf.meshes import MeshReference
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, Use, extent_about, radius_about

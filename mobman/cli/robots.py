@@ -18,7 +18,7 @@ from mobman.cli.options import complete, reports
 from mobman.cli.output import console, echo, note, number, print_json, table
 from mobman.cli.robots_add import add
 from mobman.errors import MobmanError, UnknownNameError, UsageError
-from mobman.robots.spec import RobotSpec
+from mobman.robots.spec import RobotSpec, own_robots, user_robots_folder
 
 if TYPE_CHECKING:
     from mobman.model.mobile_manipulator import MobileManipulator
@@ -168,7 +168,6 @@ def _details(name: str) -> dict[str, Any]:
 def remove(name: str, as_json: bool) -> None:
     """Remove the robot NAME that was added by the user: its TOML, and its copy of the URDF."""
     from mobman.robots.catalogue import list_robots
-    from mobman.robots.places import own_robots, user_robots_folder
 
     folder = user_robots_folder()
     file = folder / f"{name}.toml"

@@ -20,6 +20,7 @@ from mobman.cli.output import console, print_json
 from mobman.errors import MobmanError, UsageError
 from mobman.files import write_new
 from mobman.robots.infer.findings import TYPES, Options
+from mobman.robots.spec import own_robots, spec_of, user_robots_folder
 
 if TYPE_CHECKING:
     from mobman.model.mobile_manipulator import MobileManipulator
@@ -116,7 +117,6 @@ def add(
     """
     from mobman.robots.incoming.describe import OnLink, describe
     from mobman.robots.infer.write import with_platform_weights
-    from mobman.robots.places import user_robots_folder
     from mobman.robots.urdf.meshes import with_absolute_meshes
     from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
@@ -195,7 +195,6 @@ def _heading(robot: MobileManipulator) -> tuple[float, str]:
 def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:
     """Before anything is computed: nothing that is there is replaced unasked."""
     from mobman.robots.catalogue import list_robots
-    from mobman.robots.places import own_robots
 
     if by_name and name in own_robots():
         raise UsageError(f"the robot {name!r} comes with mobman; choose another --name")
@@ -251,7 +250,6 @@ def _missing_meshes(files: Sequence[UrdfFile]) -> Iterator[str]:
 def _robot_of(text: str, target: Path, sources: UrdfSources | None) -> MobileManipulator:
     """The robot of a file that is written only if it can be loaded; its copies are not there yet."""
     from mobman.model.build import build_robot, load_robot
-    from mobman.robots.spec import spec_of
 
     try:
         spec = spec_of(tomllib.loads(text), target)

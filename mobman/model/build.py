@@ -20,7 +20,7 @@ from mobman.model.platforms.platform import Platform, Site, platforms
 from mobman.model.posture_weights import heading_weight
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.incoming.incoming import keep_urdf
-from mobman.robots.incoming.pinocchio_model import urdf_of
+from mobman.robots.incoming.models import urdf_of_model
 from mobman.robots.spec import RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import LINK, Mounted, compose, flat_urdf
 from mobman.robots.urdf.meshes import MeshError, absolute_meshes, read_triangles
@@ -58,7 +58,7 @@ def load_robot(
         UsageError: If a URDF or a model does not tell enough.
     """
     if isinstance(name_or_path, pin.Model):
-        kept = keep_urdf("robot.urdf", urdf_of(name_or_path).encode())
+        kept = keep_urdf("robot.urdf", urdf_of_model(name_or_path).encode())
         return build_robot(find_spec(kept, f"the model {name_or_path.name!r}", **facts))
     if facts and isinstance(name_or_path, (RobotSpec, Mapping)):
         raise UsageError(f"{', '.join(facts)}: only for a URDF or a model; change the description")

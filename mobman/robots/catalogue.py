@@ -17,8 +17,7 @@ from mobman.registry import entry_points
 from mobman.robots.incoming.describe import describe
 from mobman.robots.incoming.incoming import URDF_ENDINGS
 from mobman.robots.infer.findings import Options, Undecided
-from mobman.robots.places import own_robots, user_robots_folder
-from mobman.robots.spec import RobotSpec, read_spec
+from mobman.robots.spec import RobotSpec, own_robots, read_spec, user_robots_folder
 from mobman.toml_model import validate
 
 _GROUP = "mobman.robots"

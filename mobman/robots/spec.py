@@ -1,4 +1,5 @@
-"""The description of a robot: a TOML file (or a dictionary) alongside a URDF."""
+"""The description of a robot, a TOML file (or a dictionary) alongside a URDF; and the folders of such
+files: mobman's own, and the user's."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+import platformdirs
 from pydantic import (
     ConfigDict,
     Field,
@@ -14,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from mobman.files import resource_folder
 from mobman.toml_model import Strict, read_toml, validate
 
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
@@ -186,3 +189,18 @@ def spec_of(content: Mapping[str, Any], path: Path) -> RobotSpec:
     """
     places = {"folder": path.resolve().parent, "file": path}
     return validate(RobotSpec, {**content, **places}, str(path))
+
+
+def own_robots() -> dict[str, Path]:
+    """The robots that come with mobman: their files by name."""
+    return {path.stem: path for path in sorted(resource_folder("robots").glob("*.toml"))}
+
+
+def user_robots_folder() -> Path:
+    """The folder of robots that the user added, in the user's data directory; it need not exist."""
+    return platformdirs.user_data_path("mobman", appauthor=False) / "robots"
+
+
+def made_folder() -> Path:
+    """The folder of URDFs that were made from something else, in the user's data directory."""
+    return platformdirs.user_data_path("mobman", appauthor=False) / "made"

@@ -185,7 +185,7 @@ def test_motors_of_the_file_push_as_the_model_says(tmp_path, monkeypatch):
     """On the free arm of a fixed robot: M^-1 (v - bias) is MuJoCo's acceleration."""
     mujoco = pytest.importorskip("mujoco")
     robot = mm.load_robot("fixed_panda")
-    monkeypatch.setattr("mobman.bridges.mjcf_file.robot_parts", lambda _: ([], []))  # for speed
+    monkeypatch.setattr("mobman.bridges.export.robot_parts", lambda _: ([], []))  # for speed
     export(robot, tmp_path / "robot.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
     data = mujoco.MjData(model)
@@ -216,7 +216,7 @@ def test_a_robot_on_the_ground_stays_up(tmp_path):
 
 
 def test_what_xml_cannot_say_is_said():
-    from mobman.bridges.mjcf_file import mjcf_content
+    from mobman.bridges.export import mjcf_content
 
     _, remarks = mjcf_content(mm.load_robot("youbot_mecanum"))
     assert any("wheel_joint_fl" in one and "rollers" in one for one in remarks)

@@ -19,8 +19,9 @@ from typing import Any, NamedTuple
 from mobman.errors import FOREIGN_ERRORS, MobmanError, SpecError, UnknownNameError, UsageError
 from mobman.files import read_input, write_whole
 from mobman.isolation import helper
-from mobman.robots.incoming import mujoco_model, sdf_file
-from mobman.robots.places import made_folder
+from mobman.robots.incoming import sdf_file
+from mobman.robots.incoming.models import urdf_of_mjcf
+from mobman.robots.spec import made_folder
 from mobman.robots.urdf.meshes import MeshFinder
 from mobman.robots.urdf.read import MEGABYTES, UrdfFile, macros, parse_xml
 from mobman.robots.urdf.validate import listed
@@ -147,7 +148,7 @@ def _of_content(content: bytes, path: Path | None, given: _Given) -> Incoming:
     beside = path if path is not None else Path.cwd() / _PLAIN
     files: dict[str, bytes] = {}
     if root.tag == "mujoco":
-        text, said, files = mujoco_model.urdf_of(content, beside)
+        text, said, files = urdf_of_mjcf(content, beside)
     elif root.tag == "sdf":
         text, said = sdf_file.urdf_of(root, where.replace("URDF", "SDF file"))
     elif root.tag == "robot" and next(macros(root), None):

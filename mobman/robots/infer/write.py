@@ -21,8 +21,7 @@ from mobman.errors import SpecError, UsageError
 from mobman.files import read_input
 from mobman.robots.infer.findings import Inferred
 from mobman.robots.infer.infer import Inference
-from mobman.robots.places import own_robots
-from mobman.robots.spec import NAME, CriterionSource, Mount, UrdfSource
+from mobman.robots.spec import NAME, CriterionSource, Mount, UrdfSource, own_robots
 from mobman.robots.urdf.read import parse_xml, urdf_file
 
 _WIDTH = 100

@@ -15,7 +15,7 @@ from mobman.cli.main import mobman
 from mobman.cli.robots import robots
 from mobman.errors import SpecError, UsageError
 from mobman.robots.incoming.incoming import incoming
-from mobman.robots.incoming.pinocchio_model import urdf_of
+from mobman.robots.incoming.models import urdf_of_model
 from mobman.robots.urdf.read import UrdfFile
 
 WHEELS = {"right_wheels": "wheel_right_joint", "left_wheels": ["wheel_left_joint"]}
@@ -77,7 +77,7 @@ def test_a_model_with_other_joints_is_refused():
     joint = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "a")
     model.addJoint(joint, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
     with pytest.raises(SpecError, match=r"'ball'.*Spherical"):
-        urdf_of(model)
+        urdf_of_model(model)
 
 
 def test_facts_are_for_urdfs():

@@ -1,4 +1,4 @@
-"""MJCF, the format of MuJoCo, as a URDF: read by MuJoCo itself where it is installed."""
+"""Models of MuJoCo (MJCF, read by MuJoCo itself where it is installed) and of Pinocchio as URDFs."""
 
 from __future__ import annotations
 
@@ -17,15 +17,21 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import MobmanError, SpecError, UsageError
 from mobman.isolation import helper
-from mobman.robots.urdf import compose
-from mobman.robots.urdf.compose import add_shape, place_joint, text_of
+from mobman.robots.urdf.compose import (
+    add_dynamics,
+    add_inertial,
+    add_shape,
+    place_joint,
+    text_of,
+)
 from mobman.robots.urdf.validate import listed
 
 _SECONDS, _MEGABYTES = 60.0, 2000.0
 _NONE = 1e-9
+_BASES = ("JointModelFreeFlyer", "JointModelPlanar")
 
 
-def urdf_of(content: bytes, path: Path) -> tuple[str, list[str], dict[str, bytes]]:
+def urdf_of_mjcf(content: bytes, path: Path) -> tuple[str, list[str], dict[str, bytes]]:
     """The URDF of an MJCF file, what of it a URDF cannot hold, and the meshes that it names.
 
     Raises:
@@ -48,7 +54,7 @@ def urdf_of(content: bytes, path: Path) -> tuple[str, list[str], dict[str, bytes
 
 
 def convert(path: str) -> list[Any]:
-    """Do the work of :func:`urdf_of` in this process."""
+    """Do the work of :func:`urdf_of_mjcf` in this process."""
     mujoco: Any = importlib.import_module("mujoco")
     try:
         model = mujoco.MjModel.from_xml_path(path)
@@ -153,7 +159,7 @@ class _Conversion:
         if model.body_mass[body] > 0.0:
             at = _pose(model.body_ipos[body] - frame, model.body_iquat[body])
             moments = np.diag(model.body_inertia[body])
-            compose.add_inertial(element, model.body_mass[body], at, moments)
+            add_inertial(element, model.body_mass[body], at, moments)
         start, count = model.body_geomadr[body], model.body_geomnum[body]
         for geom in range(start, start + count) if count else ():
             self._add_geom(element, geom, frame)
@@ -194,7 +200,7 @@ class _Conversion:
             limit |= {"lower": repr(float(bounds[0])), "upper": repr(float(bounds[1]))}
         ET.SubElement(element, "limit", limit)
         damping = float(np.ravel(model.dof_damping[dof])[0])
-        compose.add_dynamics(element, damping, float(model.dof_frictionloss[dof]))
+        add_dynamics(element, damping, float(model.dof_frictionloss[dof]))
         if model.dof_armature[dof] > 0.0:
             self._leave_out("armature (inertia of a motor)", "joint", joint)
         if float(np.ravel(model.jnt_stiffness[joint])[0]) > 0.0:
@@ -278,3 +284,91 @@ def _pose(position: Array, quaternion: Array | None = None) -> pin.SE3:
         w, x, y, z = (float(part) for part in quaternion)
         rotation = pin.Quaternion(w, x, y, z).normalized().toRotationMatrix()
     return pin.SE3(rotation, np.array(position, dtype=float))
+
+
+# Pinocchio -------------------------------------------------------------------------------------------
+
+
+def urdf_of_model(model: pin.Model) -> str:
+    """The URDF of a model: its joints and links have the model's names.
+
+    A joint's link is the first body frame at the joint, or else is named after it; the other body and
+    operational frames are links that are fixed to it. A free-flyer or planar joint at the root is left
+    out, since the platform takes its place.
+
+    Raises:
+        SpecError: If a joint is neither a revolute nor a prismatic one.
+    """
+    names = [str(name) for name in model.names]
+    robot = ET.Element("robot", name=str(model.name) or "robot")
+    links = _links(model, names)
+    taken, data = set(links), model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    for name, inertia in zip(links, model.inertias, strict=True):
+        link = ET.SubElement(robot, "link", name=name)
+        if inertia.mass > 0.0:
+            add_inertial(link, inertia.mass, pin.SE3(np.eye(3), inertia.lever), inertia.inertia)
+    for i in range(1, model.njoints):
+        parent, kind = int(model.parents[i]), model.joints[i].shortname()
+        ends, place = (links[parent], links[i]), model.jointPlacements[i]
+        if kind in _BASES and parent == 0:
+            place_joint(robot, names[i], "fixed", *ends, place)
+        else:
+            column = pin.getJointJacobian(model, data, i, pin.ReferenceFrame.LOCAL)
+            moves, axis = _motion(model, np.reshape(column, (6, -1))[:, model.joints[i].idx_v], i)
+            joint = place_joint(robot, names[i], moves, *ends, place)
+            _add_limits(joint, model, i, moves, axis)
+    for frame in model.frames:
+        own = str(frame.name)
+        if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME) and own not in taken:
+            taken.add(own)
+            ET.SubElement(robot, "link", name=own)
+            at = links[int(frame.parentJoint)]
+            place_joint(robot, f"{own}_fixed", "fixed", at, own, frame.placement)
+    return ET.tostring(robot, encoding="unicode")
+
+
+def _links(model: pin.Model, names: Sequence[str]) -> list[str]:
+    """A link's name for each joint, the universe first."""
+    found: list[str] = []
+    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    for i, name in enumerate(names):
+        at_joint = [
+            str(frame.name)
+            for frame in bodies
+            if int(frame.parentJoint) == i
+            and frame.placement.isIdentity(1e-12)
+            and frame.name not in found
+        ]
+        own = at_joint[0] if at_joint else ("base" if i == 0 else f"{name}_link")
+        while own in found:
+            own += "_"
+        found.append(own)
+    return found
+
+
+def _motion(model: pin.Model, column: Array, i: int) -> tuple[str, Array]:
+    """The type of a joint in a URDF, and its axis, from its columns of the Jacobian in its own frame."""
+    joint = model.joints[i]
+    if joint.nv == 1:
+        linear, angular = column[:3], column[3:]
+        if not np.any(angular):
+            return "prismatic", linear
+        if not np.any(linear):
+            return ("continuous" if joint.nq == 2 else "revolute"), angular
+    raise SpecError(
+        f"joint {model.names[i]!r} of the model is a {joint.shortname()}; allowed: revolute and "
+        "prismatic joints, and a free-flyer or planar one at the root"
+    )
+
+
+def _add_limits(joint: ET.Element, model: pin.Model, i: int, kind: str, axis: Array) -> None:
+    q, v = model.joints[i].idx_q, model.joints[i].idx_v
+    ET.SubElement(joint, "axis", xyz=text_of(axis))
+    limits = {"effort": model.effortLimit[v], "velocity": model.velocityLimit[v]}
+    if kind != "continuous":
+        limits |= {"lower": model.lowerPositionLimit[q], "upper": model.upperPositionLimit[q]}
+    # what is as large as the largest numbers is no limit
+    ends = {key: np.copysign(np.inf, x) if abs(x) > 1e15 else x for key, x in limits.items()}
+    ET.SubElement(joint, "limit", {key: repr(float(value)) for key, value in ends.items()})
+    add_dynamics(joint, float(model.damping[v]), float(model.friction[v]))
