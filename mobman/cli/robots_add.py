@@ -19,7 +19,7 @@ from mobman.cli.options import FILE, POSITIVE, reports
 from mobman.cli.output import console, print_json
 from mobman.errors import MobmanError, UsageError
 from mobman.files import write_new
-from mobman.robots.infer.findings import TYPES, Options
+from mobman.robots.infer.findings import TYPES, Inferred, Options
 from mobman.robots.spec import own_robots, spec_of, user_robots_folder
 
 if TYPE_CHECKING:
@@ -116,7 +116,6 @@ def add(
     taken. What the URDF does not tell is asked for.
     """
     from mobman.robots.incoming.describe import OnLink, describe
-    from mobman.robots.infer.write import with_platform_weights
     from mobman.robots.urdf.meshes import with_absolute_meshes
     from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
@@ -152,18 +151,17 @@ def add(
             source = source.model_copy(update={"sha256": file.sha256()})
         sources.append(source)
         files.append(file)
-    text, built = found.toml(sources), UrdfSources(tuple(files)) if copies else None
+    text, heading, built = found.toml(sources), None, UrdfSources(tuple(files)) if copies else None
     robot = _robot_of(text, target, built)
     for path in () if force else copies:
         _check_absent(path)
     if robot.platform.base_joints:
-        text = with_platform_weights(text, *_heading(robot))
+        heading = _heading(robot)
+        text = found.toml(sources, heading)
         robot = _robot_of(text, target, built)
     if doubts := _verified(robot, options.as_it_is):
         found = found._replace(warnings=(*found.warnings, *doubts))
-        text = found.toml(sources)
-        if robot.platform.base_joints:
-            text = with_platform_weights(text, *_heading(robot))
+        text = found.toml(sources, heading)
     for place, content in {**copies, target: text}.items():
         write_new(place, content, force, "choose another -o")
     known = name if output is None else shlex.quote(str(target))
@@ -183,13 +181,14 @@ def add(
         _print(summary)
 
 
-def _heading(robot: MobileManipulator) -> tuple[float, str]:
+def _heading(robot: MobileManipulator) -> Inferred:
     """The weight of the heading in the posture criterion, by the rule, and what it is good for."""
     from mobman.model.posture_weights import conditioning
 
     weights = robot.criterion_weights
     weight = weights[robot.joint_names.index(robot.platform.base_joints[-1])]
-    return float(weight), f"1/rad^2: conditioning {conditioning(robot, weights):.2g} at rest"
+    why = f"1/rad^2: conditioning {conditioning(robot, weights):.2g} at rest"
+    return Inferred(float(weight), why)
 
 
 def _check_free(name: str, target: Path, force: bool, by_name: bool) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from mobman.errors import SpecError
 from mobman.robots.incoming.incoming import Incoming, incoming
-from mobman.robots.infer.findings import Options, Undecided
+from mobman.robots.infer.findings import Inferred, Options, Undecided
 from mobman.robots.infer.infer import Inference, infer
 from mobman.robots.infer.write import choose_name, robot_toml, urdf_source
 from mobman.robots.spec import Mount, RobotSpec, UrdfSource
@@ -56,13 +56,13 @@ class Described(NamedTuple):
     warnings: tuple[str, ...]
     """What was done to get the files, and what of them has no effect."""
 
-    def toml(self, sources: Sequence[UrdfSource]) -> str:
-        """The text of its TOML, with these tables for its parts."""
+    def toml(self, sources: Sequence[UrdfSource], heading: Inferred | None = None) -> str:
+        """The text of its TOML, with these tables for its parts and the weight of the heading."""
         trees = [part.file.parse() for part in self.parts]
         names = [{one.get("name", "") for one in tree.findall("joint")} for tree in trees]
         origin = self.parts[0].given.origin or self.parts[0].file.path
         own = list(zip(sources, names, strict=True))
-        return robot_toml(self.found, self.name, own, self.warnings, origin)
+        return robot_toml(self.found, self.name, own, self.warnings, origin, heading)
 
     def spec(self) -> RobotSpec:
         """The description itself, its files where they are."""

@@ -17,13 +17,7 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import MobmanError, SpecError, UsageError
 from mobman.isolation import helper
-from mobman.robots.urdf.compose import (
-    add_dynamics,
-    add_inertial,
-    add_shape,
-    place_joint,
-    text_of,
-)
+from mobman.robots.urdf.compose import add_dynamics, add_inertial, add_shape, place_joint, text_of
 from mobman.robots.urdf.validate import listed
 
 _SECONDS, _MEGABYTES = 60.0, 2000.0

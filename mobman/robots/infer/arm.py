@@ -11,32 +11,11 @@ import numpy as np
 from numpy.random import Generator
 
 from mobman.arrays import Array
-from mobman.robots.infer.findings import Inferred, Undecided, common, says
+from mobman.robots.infer.findings import TIPS, Inferred, Undecided, common, says
 from mobman.robots.infer.kinematics import Chain, Joint, Tree, followed, followers, held
 from mobman.robots.urdf.validate import listed
 
-_FINGER = (
-    r"finger|thumb|knuckle|jaw|claw|phalan|gripper|robotiq|fngr|pinky|"
-    r"(^|_)(index|middle|ring|little|pincer|hand)(_|\d|$)"
-)
-_FINGER_LINK = r"finger|thumb|knuckle|phalan|jaw|claw"
-_HEAD = r"head|neck|camera|kinect|lidar|laser|sensor|(^|_)(pan|tilt)(_|$)|eye|display|antenna"
-_PALM, _BASE = r"palm", r"gripper|hand"
-_BASES = (_PALM, _BASE)
-_TIPS = (
-    (r"tcp|tool_?cent|grasp", "the tool's centre"),
-    (r"(^|_)eef?(_|$)|end_?eff", "the end-effector"),
-    (r"tip\d*(_|$)", "the tip"),
-    (r"tool", "the tool"),
-    (_PALM, "the palm"),
-    (_BASE, "the gripper's base"),
-    (r"flange", "the flange"),
-)
-"""Names of frames at the end of an arm, the best ones first, and what they are."""
-_NO_TIP = (
-    r"camera|optical|depth|infra|sensor|imu|(^|_)ft(_|$)|force|laser|color|rgb|aruco|marker|"
-    r"(^|_)led(_|$)|safety|accel|gyro"
-)
+_CARRYING = ("the palm", "the gripper's base")  # tips that are where their fingers are
 _SHORT = 0.15  # m; a branch at the end of an arm that reaches no further is a finger
 _REACH = 0.05  # m; what reaches less far is no arm: a ball caster, for one
 _ARM = 3  # joints from which on a chain is an arm
@@ -94,7 +73,7 @@ class Branches:
         return list(dict.fromkeys(joint for arm in heads for joint in arm.joints[-arm.own :]))
 
     def _is_head(self, arm: Arm) -> bool:
-        return common(_HEAD, [f"{joint.name}_{joint.child}" for joint in arm.joints[-arm.own :]])
+        return common("head", [f"{joint.name}_{joint.child}" for joint in arm.joints[-arm.own :]])
 
     def _arm(self, end: Joint) -> Arm:
         joints, tip = self.chain(end.child), self._tip(end)
@@ -116,13 +95,13 @@ class Branches:
             link = following[0].child
         body, palms = tree.rigid(link), [joint.parent for joint in tree.next_joints(link)]
         depth = {name: len(tree.way(name)) for name in (*body, *palms)}
-        frames = [name for name in body if not says(_NO_TIP, name)] or body
-        for pattern, what in _TIPS:
+        frames = [name for name in body if not says("no_tip", name)] or body
+        for what in TIPS:
             # a finger that is fixed is no tip, nor is what only its name has in common with one
-            named = [n for n in frames if says(pattern, n) and not says(r"finger|thumb", n)]
-            if named and not common(pattern, tree.links):
+            named = [n for n in frames if says(what, n) and not says("fixed_finger", n)]
+            if named and not common(what, tree.links):
                 # a base is where its fingers are, a tool as far out as it goes
-                near = set(palms) if pattern in _BASES else set[str]()
+                near = set(palms) if what in _CARRYING else set[str]()
                 return Inferred(
                     max(named, key=lambda n: (n in near, depth[n], -body.index(n))), what
                 )
@@ -132,7 +111,7 @@ class Branches:
 
     def _find_fingers(self) -> set[str]:
         tree = self._tree
-        telling = not common(_FINGER, [joint.name for joint in self.joints])
+        telling = not common("finger", [joint.name for joint in self.joints])
         found: set[str] = set()
         for joint in self.joints:
             before = [j for j in tree.chain(joint.parent) if j.name not in self._taken]
@@ -141,7 +120,7 @@ class Branches:
             elif len(before) >= _CARRIED:
                 # a wrist that carries a fixed jaw is no finger: its link alone says little
                 leaf = not tree.next_joints(joint.child)
-                named = says(_FINGER, joint.name) or (leaf and says(_FINGER_LINK, joint.child))
+                named = says("finger", joint.name) or (leaf and says("finger_link", joint.child))
                 if (named and telling and self._at_the_end(joint)) or self._one_of_several(before):
                     found.add(joint.name)
         # the file may have what is behind a finger before it

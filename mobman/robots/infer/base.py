@@ -9,7 +9,7 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.robots.infer.drive import OMNI, Drive, Forward, find_forward, heading_of
-from mobman.robots.infer.findings import CASTER, WHEEL, Inferred, Lock, Options, Undecided, says
+from mobman.robots.infer.findings import Inferred, Lock, Options, Undecided, says
 from mobman.robots.infer.kinematics import Joint, Tree, names_of
 from mobman.robots.infer.wheels import (
     SAME_PLACE,
@@ -21,8 +21,6 @@ from mobman.robots.infer.wheels import (
     what_to_name,
 )
 
-_MECANUM = r"mecanum|mechanum|swedish|omni"
-_PLANAR_DRIVE = r"mecanum|mechanum|planar_?move|omni_?(drive|directional)|holonomic"
 _MECANUM_EXACT = 1e-3  # m; and the least ratio of singular values
 _AS_ASKED = "as asked for"
 
@@ -56,10 +54,10 @@ def find_drive(tree: Tree, wheels: list[Rolling], options: Options, arms: Array)
 
 def _hint(robot: ET.Element) -> str:
     """The robot's name or the simulator's plug-in that speaks of wheels with rollers; else empty."""
-    if says(_MECANUM, name := robot.get("name", "")):
+    if says("mecanum", name := robot.get("name", "")):
         return f"robot {name!r}"
     texts = (plug.get(key, "") for plug in robot.iter("plugin") for key in ("filename", "name"))
-    return next((f"plug-in {text!r}" for text in texts if says(_PLANAR_DRIVE, text)), "")
+    return next((f"plug-in {text!r}" for text in texts if says("planar_drive", text)), "")
 
 
 def _named(tree: Tree, options: Options) -> Drive:
@@ -129,7 +127,7 @@ def _recognised(tree: Tree, wheels: list[Rolling], options: Options, hint: str) 
         for w in wheels
         if w.turning is not None and abs((w.centre - w.turning.centre)[:2] @ w.ahead) < SAME_PLACE
     ]
-    straight = [w for w in wheels if w.turning is None and not w.says(CASTER)]
+    straight = [w for w in wheels if w.turning is None and not w.says("caster")]
     several = len({w.turning for w in modules}) >= 2 and not (straight or pairs_of(driven))
     if (sliding and "steering" in fields) or (asked is None and several):
         own = modules if asked in (None, "swerve") else [*modules, *straight]
@@ -245,7 +243,7 @@ def _no_platform(tree: Tree, wheels: list[Rolling]) -> str:
             f"which no platform type models as such; choose {sliding}--platform planar (it moves in "
             f"every direction, without wheels), --platform unicycle (wheels straight ahead){naming}"
         )
-    fixed = [joint.name for joint in tree.joints if not joint.movable and says(WHEEL, joint.name)]
+    fixed = [joint.name for joint in tree.joints if not joint.movable and says("wheel", joint.name)]
     still = f" (the URDF has its wheels fixed: {', '.join(fixed[:6])})" if fixed else ""
     return (
         f"no driven wheels were found{still}; {what_to_name(tree)}, or choose --platform planar (it "
@@ -265,7 +263,7 @@ def _driven_wheels(wheels: list[Rolling]) -> tuple[list[Rolling], tuple[str, ...
     one_pair, alone = len(swivels) == len(pairs) == 1, len(carried) == len(wheels)
     if not pairs_of(fixed) and one_pair and around(carried[0].swivel, *pairs[0], alone=alone):
         fixed, turrets = carried, tuple(swivels)
-    named = [w for w in fixed if not w.says(CASTER)]
+    named = [w for w in fixed if not w.says("caster")]
     groups: list[list[Rolling]] = []
     for wheel in named if len(named) >= 2 else fixed:
         alike = next((g for g in groups if _alike(g[0], wheel)), [])
@@ -366,7 +364,7 @@ def _mecanum_sign(wheels: Sequence[Rolling], hint: str) -> str:
     if any(w.rollers for w in wheels):
         return "there are rollers behind the wheels"
     for path in (path for w in wheels for path in (w.name, w.joint.child, *w.meshes)):
-        if says(_MECANUM, name := path.rpartition("/")[2]):
+        if says("mecanum", name := path.rpartition("/")[2]):
             return f"the name {name} says so"
     return f"the URDF says {hint}" if hint else ""
 

@@ -9,16 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.robots.infer.findings import (
-    CASTER,
-    FOOTPRINT,
-    Inferred,
-    Lock,
-    lengthwise,
-    lock_once,
-    says,
-    sideways,
-)
+from mobman.robots.infer.findings import Inferred, Lock, lock_once, says, says_which
 from mobman.robots.infer.kinematics import Joint, Tree
 from mobman.robots.infer.wheels import (
     SAME_PLACE,
@@ -106,6 +97,13 @@ class Drive:
         return max((float(np.linalg.norm(w.middle - w.centre)) for w in self.driven), default=0.0)
 
     @property
+    def wheelbase(self) -> float | None:
+        """Distance of the first steering joint ahead of the middle of the driven wheels (m)."""
+        if self.centre is None or not self.steering:
+            return None
+        return float((self.steering[0].centre - self.centre)[:2] @ self.forward.direction)
+
+    @property
     def centre(self) -> Array | None:
         """The middle of the driven wheels in the root's frame (m), shape (3,)."""
         return np.mean([w.centre for w in self.driven], axis=0) if self.driven else None
@@ -161,7 +159,7 @@ class Drive:
         own = self.own
         turning = [w for w in wheels if w.name not in own]
         every = [*self.rolling, *turning]
-        casters = [w for w in turning if w.swivel is not None or w.says(CASTER)]
+        casters = [w for w in turning if w.swivel is not None or w.says("caster")]
         trailed = [  # on an axle that a joint about the vertical draws: wider than a caster's fork
             wheel
             for pair in pairs_of(casters)
@@ -196,7 +194,7 @@ class Drive:
         lowest = lowest_point(tree, [*tree.rigid(tree.root), *(w.joint.child for w in self.driven)])
         named = footprint(tree, math.inf if lowest is None else lowest.value + 0.5)
         ground = named or lowest or Inferred(0.0, f"the origin of {tree.root}")
-        if self.driven or self.type.value == "fixed" or says(FOOTPRINT, ground.why):
+        if self.driven or self.type.value == "fixed" or says("footprint", ground.why):
             return ground, []
         doubt = f"nothing rolls on the ground, so that it is taken as {ground.why} says: platform.height"
         return ground, [doubt]
@@ -219,10 +217,11 @@ def find_forward(
     ahead = np.array([across[1], -across[0]])
     centre = np.mean([w.centre[:2] for w in wheels], axis=0)
     sides = [
-        sideways(w.name, w.joint.child) * np.sign((w.centre[:2] - centre) @ across) for w in wheels
+        w.says_which("left", "right") * np.sign((w.centre[:2] - centre) @ across) for w in wheels
     ]
-    places = [(lengthwise(w.name, w.joint.child), w.centre[:2]) for w in (*wheels, *others)]
-    places += [(lengthwise(name), tree.position[name][:2]) for name in tree.rigid(tree.root)]
+    places = [(w.says_which("front", "rear"), w.centre[:2]) for w in (*wheels, *others)]
+    fixed = tree.rigid(tree.root)
+    places += [(says_which("front", "rear", name), tree.position[name][:2]) for name in fixed]
     # +1 where a name that says front or rear agrees, -1 where not
     ends = [
         end * float(np.sign((place - centre) @ ahead))

@@ -4,29 +4,25 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+import tomllib
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
 from numbers import Real
 from typing import Any, NamedTuple
 
 from mobman.errors import UsageError
 
-TYPES: dict[str, tuple[str, ...]] = {
-    "differential": ("heading", "right_wheel", "left_wheel", "wheel_radius", "half_track"),
-    "skid-steer": ("heading", "right_wheels", "left_wheels", "wheel_radius", "half_track"),
-    "omnidirectional": ("heading", "kind", "wheels", "wheel_radius"),
-    "car-like": (
-        "heading", "rear_right_wheel", "rear_left_wheel", "steering", "front_wheels", "wheel_radius",
-        "half_track",
-    ),
-    "swerve": ("heading", "steering", "wheels", "wheel_radius"),
-    "multi-axle": ("heading", "steering", "wheels", "wheel_radius"),
-    "turret": ("heading", "turret", "right_wheel", "left_wheel", "wheel_radius", "half_track"),
-    "unicycle": ("heading", "axle", "height"),
-    "planar": ("heading", "centre", "height"),
-    "fixed": (),
-}  # fmt: skip
+_KNOWN = tomllib.loads(
+    (files("mobman.robots.infer") / "inference.toml").read_text(encoding="utf-8")
+)
+LICENCES: list[tuple[str, str]] = _KNOWN["licences"]
+"""Short names of licences, and regular expressions for their texts."""
+TIPS: dict[str, str] = _KNOWN["tips"]
+"""Kinds of frames at the end of an arm, the best ones first."""
+TYPES = {name: tuple(fields) for name, fields in _KNOWN["types"].items()}
 """Platform types that wheels are recognised as, or that need none, and the fields that are found."""
+_NAMES: dict[str, str] = _KNOWN["names"] | TIPS
 
 MOST_RADIUS, MOST_TRACK, MOST_REACH = 2.0, 20.0, 30.0
 """What is larger is in another unit (m): the wheels of the largest dumpers have a radius of 2 m, and are
@@ -34,15 +30,6 @@ MOST_RADIUS, MOST_TRACK, MOST_REACH = 2.0, 20.0, 30.0
 MOST_OF_BASE = 30.0
 """An arm that reaches so many times as far as its platform is long is in another unit: an arm alone on
 its foot reaches 12 times as far, and an inch is a 39th of a metre."""
-
-CASTER = r"cast[eo]r|passive|idler|support|swivel|free_?wheel|dummy|trailing"
-WHEEL = r"wheel(?!_?base)"
-FOOTPRINT = r"footprint"
-_FRONT, _REAR = (
-    r"front|(^|_)(f|fl|fr|lf|rf)(_|\d|$)",
-    r"rear|back|(^|_)(b|bl|br|rl|rr|lr|lb|rb)(_|\d|$)",
-)
-_RIGHT, _LEFT = r"right|(^|_)(r|fr|rf|br|rb|rr)(_|\d|$)", r"left|(^|_)(l|fl|lf|bl|lb|rl|lr)(_|\d|$)"
 
 
 @dataclass(frozen=True)
@@ -125,23 +112,17 @@ class Undecided(UsageError):
     """Something that the URDF does not tell; the message names the option that does."""
 
 
-def says(pattern: str, *names: str) -> bool:
-    """True if one of the names matches the pattern, in lower case with ``_`` between its words."""
+def says(what: str, *names: str) -> bool:
+    """True if one of the names says what a regular expression of ``inference.toml`` is for."""
     words = (re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower() for name in names)
-    return any(re.search(pattern, re.sub(r"[^a-z0-9]+", "_", word)) for word in words)
+    return any(re.search(_NAMES[what], re.sub(r"[^a-z0-9]+", "_", word)) for word in words)
 
 
-def lengthwise(*names: str) -> int:
-    """+1 where names say front, -1 rear, 0 neither or both."""
-    return int(says(_FRONT, *names)) - int(says(_REAR, *names))
+def says_which(one: str, other: str, *names: str) -> int:
+    """+1 where names say one thing, -1 the other, 0 neither or both."""
+    return int(says(one, *names)) - int(says(other, *names))
 
 
-def sideways(*names: str) -> int:
-    """+1 where names say left, -1 right, 0 neither or both."""
-    return int(says(_LEFT, *names)) - int(says(_RIGHT, *names))
-
-
-def common(pattern: str, names: Iterable[str]) -> bool:
-    """True if most of the names match a pattern, which then tells nothing."""
-    names = list(names)
-    return sum(says(pattern, name) for name in names) > 0.6 * len(names)
+def common(what: str, names: Collection[str]) -> bool:
+    """True if most of the names say something, which then tells nothing."""
+    return sum(says(what, name) for name in names) > 0.6 * len(names)

@@ -262,11 +262,9 @@ def _couplings(tree: Tree, drive: Drive, arm: Arm, rest: Mapping[str, Inferred])
     lap, and c is small. An arm that would turn by more than 45 degrees cannot: the car goes round.
     Where the curvature of the path itself steers, it is the yaw over the reach: the platform goes round.
     """
-    if not drive.steering:
+    if (wheelbase := drive.wheelbase) is None:
         return []
     turning = {joint.name: float(np.sign(joint.axis[2])) for joint in drive.steering}
-    ahead = drive.steering[0].centre[:2] - (0.0 if drive.centre is None else drive.centre[:2])
-    wheelbase = abs(float(ahead @ drive.forward.direction))
     posture = np.array([[float(rest[joint.name].value) for joint in arm.joints]])
     places = Chain(tree, arm.joints, arm.tip.value, rest).places(posture)
     centres, axes, tip, _ = (values[0] for values in places)
@@ -280,7 +278,7 @@ def _couplings(tree: Tree, drive: Drive, arm: Arm, rest: Mapping[str, Inferred])
         else:
             share = _MOST_STEERED
             if reach > math.sqrt(2.0) * _CIRCLE:
-                share = min(share, _TURN_A_LAP * reach * wheelbase / (math.pi * _CIRCLE**2))
+                share = min(share, _TURN_A_LAP * reach * abs(wheelbase) / (math.pi * _CIRCLE**2))
             weight = float(f"{weight * share / (1.0 - share):.2g}")
         return [
             Coupling(joint=name, to=joint.name, ratio=left * ratio, weight=weight)

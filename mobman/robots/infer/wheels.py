@@ -10,15 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.robots.infer.findings import (
-    CASTER,
-    FOOTPRINT,
-    WHEEL,
-    Inferred,
-    Options,
-    Undecided,
-    says,
-)
+from mobman.robots.infer.findings import Inferred, Options, Undecided, says, says_which
 from mobman.robots.infer.kinematics import Joint, Tree, followed, names_of
 from mobman.robots.urdf.shapes import USES, Shape, Use, extent_about, radius_about
 
@@ -82,9 +74,13 @@ class Rolling:
         """The direction in which it rolls, or the opposite one, shape (2,)."""
         return np.array([self.across[1], -self.across[0]])
 
-    def says(self, pattern: str) -> bool:
-        """True if one of its names matches a pattern."""
-        return says(pattern, self.name, self.joint.child)
+    def says(self, what: str) -> bool:
+        """True if one of its names says something."""
+        return says(what, self.name, self.joint.child)
+
+    def says_which(self, one: str, other: str) -> int:
+        """+1 where its names say one thing, -1 the other, 0 neither or both."""
+        return says_which(one, other, self.name, self.joint.child)
 
     def parallel(self, other: Rolling) -> bool:
         """True if two axes have one direction."""
@@ -155,7 +151,7 @@ def _may_roll(tree: Tree, joint: Joint) -> bool:
     leaves = all(j.endless and not any(tree.behind(j)) for j in behind)
     return (
         not joint.prismatic
-        and (joint.endless or says(WHEEL, joint.name, joint.child))
+        and (joint.endless or says("wheel", joint.name, joint.child))
         and (not behind or (leaves and len(behind) >= _ROLLERS))
         and len(tree.chain(joint.parent)) <= _FEW_JOINTS
     )
@@ -203,7 +199,7 @@ def footprint(tree: Tree, below: float) -> Inferred | None:
     """The ground (m) as the origin of a link made for it, if it is below a height (m)."""
     for name in tree.rigid(tree.root):
         height = float(tree.position[name][2])
-        if says(FOOTPRINT, name) and height < below - _LEAST:
+        if says("footprint", name) and height < below - _LEAST:
             return Inferred(height, name)
     return None
 
@@ -254,7 +250,7 @@ def settle_radius(
         ]
     if not sources:
         standing = [link for w in others for link in tree.rigid(w.joint.child)]
-        standing += [link for link in tree.rigid(tree.root) if says(CASTER, link)]
+        standing += [link for link in tree.rigid(tree.root) if says("caster", link)]
         lowest = lowest_point(tree, standing)
         if lowest is None or axle - lowest.value < _LEAST:
             problems = [(name, tree.lacks(name)) for name in dict.fromkeys(wheels[0].meshes)]
@@ -311,7 +307,7 @@ def what_to_name(tree: Tree) -> str:
 
     def rank(pair: tuple[Joint, Joint]) -> tuple[int, int, float]:
         """The fewest faults, the most telling names and the widest track first."""
-        named = sum(says(WHEEL, joint.name, joint.child) for joint in pair)
+        named = sum(says("wheel", joint.name, joint.child) for joint in pair)
         return len(faults[pair][0]), -named, -float(np.linalg.norm(pair[0].centre - pair[1].centre))
 
     near = min(faults, key=rank)
@@ -341,7 +337,7 @@ def _faults(tree: Tree, one: Joint, other: Joint) -> tuple[list[str], bool] | No
     casters = [
         joint.name
         for joint in both
-        if says(CASTER, joint.name, joint.child)
+        if says("caster", joint.name, joint.child)
         or any(above.swivels for above in tree.chain(joint.parent))
     ]
     faults = {

@@ -5,21 +5,20 @@ from __future__ import annotations
 import os
 import re
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from fnmatch import fnmatchcase
 from glob import escape
+from importlib.resources import files
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import tomlkit
-from tomlkit import TOMLDocument
-from tomlkit.items import Array, Table
 
 from mobman.errors import SpecError, UsageError
 from mobman.files import read_input
-from mobman.robots.infer.findings import Inferred
+from mobman.robots.infer.findings import LICENCES, Inferred
 from mobman.robots.infer.infer import Inference
 from mobman.robots.spec import NAME, CriterionSource, Mount, UrdfSource, own_robots
 from mobman.robots.urdf.read import parse_xml, urdf_file
@@ -29,19 +28,6 @@ _GENERIC = r"((robot|model|urdf|main|description)([_.-]|$))+"
 """File names that say nothing of the robot."""
 _PACKAGE = "example-robot-data"
 _ABOVE = 6  # folders above the URDF that are looked in
-_LICENCES = (
-    (r"Apache(-| Software| License|,)*.{0,40}?(Version |-|v)? ?2(\.0)?\b", "Apache-2.0"),
-    (r"Redistribution and use in source and binary forms.*Neither the name", "BSD-3-Clause"),
-    (r"Redistribution and use in source and binary forms", "BSD-2-Clause"),
-    (r"(BSD[ -]?3|(3|three)[ -]clause BSD)", "BSD-3-Clause"),
-    (r"(BSD[ -]?2|(2|two)[ -]clause BSD)", "BSD-2-Clause"),
-    (
-        r"^MIT$|\bMIT[- ]Licen[cs]e|Licen[cs]e\W{0,3}MIT\b|Permission is hereby granted, free of charge",
-        "MIT",
-    ),
-    (r"\bBSD\b", "BSD"),
-)
-"""Patterns of licence texts, and the short name of SPDX; the most specific ones first."""
 _IDENTIFIER = r"SPDX-License-Identifier: *([A-Za-z0-9][A-Za-z0-9.+-]*)"
 _GNU = r"(?:GNU )?(?P<kind>Lesser|Library|Affero)? ?General Public License"
 _GNU_SHORT = r"\b(?P<kind>L|A)?GPL"
@@ -57,25 +43,6 @@ _COMMONS_PARTS = (
 )
 _HEADER = 3000  # characters at the start of a file where a header is
 _LINE = 160  # characters of it that are quoted
-_ABOUT = (
-    "Written by mobman robots add from {}. Comments say why each value was taken; change what is "
-    "wrong."
-)
-_REST = (
-    "Joint positions (m, rad) away from limits and singular postures; joints that are not named rest at "
-    "0, locked ones are held there."
-)
-_WEIGHTS = "The default is for a radian of the arm; the whole way of a slide weighs as much."
-_DRIVEN = (
-    "What grows with the way that is driven must not pull: the pull would grow until the arm folds. The "
-    "heading weighs as little as conditions the criterion well where the tip stands."
-)
-_COUPLINGS = (
-    "A steering angle does not move the tip at once, and so nothing else here asks for one: it would "
-    "rest for ever. With these the platform steers to where the arm turns: so little that the laps of "
-    "the default circle do not turn it out of reach, or, where the arm is too short to go round that "
-    "circle alone, so much that the platform does."
-)
 
 
 def choose_name(wanted: str | None, output: Path | None, inside: str, urdf: Path) -> str:
@@ -106,6 +73,7 @@ def robot_toml(
     sources: Sequence[tuple[UrdfSource, set[str]]],
     warnings: Sequence[str],
     path: Path,
+    heading: Inferred | None = None,
 ) -> str:
     """The text of a robot's TOML.
 
@@ -115,143 +83,90 @@ def robot_toml(
         sources: Its URDFs, the platform's first, and the names of the joints in each.
         warnings: What is to be known of the URDFs.
         path: The file that they are from, for its licence.
+        heading: Weight of the heading in the criterion, once it is computed.
     """
-    drive, arm, standard = found.platform, found.arm, CriterionSource()
-    kind, joints, source = drive.type.value, f"{len(arm.joints)} joints", sources[0][0]
+    import jinja2
+
+    source = sources[0][0]
     place = source.path if source.package is None else f"{source.package}, {source.path}"
-    origin = f"{place}, robot {found.robot_name!r} of the URDF"
-    toml = tomlkit.document()
-    _say(toml, _ABOUT.format(path.name), *(f"UNCERTAIN: {doubt}." for doubt in found.uncertain))
-    _say(toml, *(f"WARNING: {warning}." for warning in warnings))
-    toml["schema"], toml["name"] = 1, name
-    toml["description"] = f"{found.robot_name or path.stem}: {kind} platform, arm of {joints}"
-    comments = _comments(path)  # the first that says who wrote it
-    authors = [text for text in comments if re.search(_AUTHOR, text, re.IGNORECASE)][:1]
+    said = [f"{place}, robot {found.robot_name!r} of the URDF"]
+    # the first of the comments that says who wrote it
+    authors = (text for text in _comments(path) if re.search(_AUTHOR, text, re.IGNORECASE))
     short = (text if len(text) <= _LINE else f"{text[: _LINE - 3]}..." for text in authors)
-    toml["source"] = "; ".join([origin, *short])
-    toml["license"], toml["tags"] = licence(path), [kind]
-    mounted = tomlkit.aot()
-    for part, own in sources:
-        made = _part(part, own, found)
-        if isinstance(part, Mount):
-            mounted.append(made)
-        else:
-            toml["urdf"] = made
-    if mounted:
-        toml["mount"] = mounted
-    platform = _table(toml, "platform", {"type": drive.type, **found.fields})
-    half = drive.half_track if drive.rolling and "half_track" not in found.fields else None
-    if half is not None:
-        _say(platform, f"half_track: half the distance of the wheels' centres is {half:.4f} m")
-    if drive.steering and drive.right and drive.centre is not None:
-        ahead = drive.steering[0].centre[:2] - drive.centre[:2]
-        base = float(ahead @ drive.forward.direction)
-        _say(platform, f"wheelbase: the steering is {base:.4f} m ahead of the rear axle")
-    tool = _table(toml, "arm", {"tip": arm.tip}, beside=f"{joints}, reach {arm.reach:.2f} m")
-    if found.following:
-        _say(tool, f"{', '.join(found.following)}: without a motor, as the URDF says by <mimic>")
-    _table(toml, "rest", found.rest, _REST)
-    weights = {"default": Inferred(standard.default, "1/rad^2")}
-    criterion = _table(toml, "criterion", weights, beside="K_F of (12)")
-    if found.couplings:
-        _say(criterion, _COUPLINGS)
-        rows = []
-        for coupling in found.couplings:
-            rows.append((tomlkit.inline_table(), ""))
-            rows[-1][0].update(coupling.model_dump())
-        criterion["couplings"] = _rows(rows)
-    if found.weights:
-        _table(criterion, "weights", found.weights, _WEIGHTS)
-    return tomlkit.dumps(toml)
+    said += islice(short, 1)
+    text = (files("mobman.robots.infer") / "robot.toml.j2").read_text(encoding="utf-8")
+    options: dict[str, Any] = {"undefined": jinja2.StrictUndefined, "keep_trailing_newline": True}
+    template: Any = jinja2.Template(text, trim_blocks=True, **options)
+    made: str = template.render(
+        found=found,
+        drive=found.platform,
+        arm=found.arm,
+        name=name,
+        path=path,
+        source="; ".join(said),
+        licence=licence(path),
+        parts=[_part(part, own, found) for part, own in sources],
+        warnings=warnings,
+        heading=heading,
+        usual=CriterionSource(),
+        beside=_beside,
+        comment=_comment,
+        field=_field,
+        toml=_toml,
+    )
+    return made
 
 
-def _part(source: UrdfSource, own: set[str], found: Inference) -> Table:
-    """The table ``[urdf]`` or ``[[mount]]`` of a URDF with these joints."""
-    named = {"package": Inferred(source.package), "path": Inferred(source.path)}
-    named["sha256"] = Inferred(source.sha256, "of the file, which is said if it changes")
-    named["packages"] = Inferred(source.packages, "where package://NAME/... is")
+def _part(
+    source: UrdfSource, own: set[str], found: Inference
+) -> tuple[str, dict[str, Inferred], list[tuple[str, str]]]:
+    """The table of a URDF with these joints: its header, its fields, and patterns of what is locked."""
+    fields = {
+        "package": Inferred(source.package),
+        "path": Inferred(source.path),
+        "sha256": Inferred(source.sha256, "of the file, which is said if it changes"),
+        "packages": Inferred(source.packages, "where package://NAME/... is"),
+    }
     if source.up != "z":
-        named["up"] = Inferred(source.up, "the root link's axis that points up")
-    prefix = ""
+        fields["up"] = Inferred(source.up, "the root link's axis that points up")
+    header, prefix = "[urdf]", ""
     if isinstance(source, Mount):
-        prefix = source.prefix
-        named |= {"parent": Inferred(source.parent, "as asked for"), "prefix": Inferred(prefix)}
-    table = tomlkit.table()
-    _fill(table, {key: said for key, said in named.items() if said.value})
+        header, prefix = "[[mount]]", source.prefix
+        fields |= {"parent": Inferred(source.parent, "as asked for"), "prefix": Inferred(prefix)}
 
     def of_part(joints: Sequence[str]) -> list[str]:
         names = (name.removeprefix(prefix) for name in joints)
         return [name for name in names if name in own]
 
-    rows = [
+    locks = [
         (pattern, "" if i else lock.why)
         for lock in found.locks
         for i, pattern in enumerate(patterns(of_part(lock.joints), of_part(found.joints)))
     ]
-    if rows:
-        table["lock"] = _rows(rows)
-    return table
+    return header, {key: fact for key, fact in fields.items() if fact.value}, locks
 
 
-def with_platform_weights(text: str, heading: float, why: str) -> str:
-    """A robot's TOML with the weights of the platform in its criterion.
-
-    Args:
-        text: The TOML.
-        heading: Weight of the heading.
-        why: What it is good for.
-    """
-    toml, standard = tomlkit.parse(text), CriterionSource()
-    criterion: Any = toml["criterion"]
-    rest = [(key, criterion.pop(key)) for key in list(criterion)]
-    _say(criterion, _DRIVEN)
-    for key, value in (("platform", standard.platform), ("wheels", standard.wheels)):
-        criterion[key] = value
-    criterion["heading"] = heading
-    criterion["heading"].comment(_clean(why))
-    for key, value in rest:
-        criterion[key] = value
-    return tomlkit.dumps(toml)
+def _field(key: str, fact: Inferred) -> str:
+    """A line with a value and, as a comment, its reason."""
+    return f"{tomlkit.key(key).as_string()} = {_toml(fact.value)}{_beside(fact.why)}"
 
 
-def _table(
-    parent: Table | TOMLDocument,
-    name: str,
-    findings: Mapping[str, Inferred],
-    *about: str,
-    beside: str = "",
-) -> Table:
-    """A new table with values and, as comments, their reasons."""
-    table = tomlkit.table()
-    if beside:
-        table.comment(beside)
-    _say(table, *about)
-    _fill(table, findings)
-    parent[name] = table
-    return table
+def _toml(value: Any) -> str:
+    """A value in TOML; a dictionary in one line."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_toml(one)}' for key, one in value.items())}}}"
+    text: str = tomlkit.item(value).as_string()
+    return text
 
 
-def _fill(table: Table, findings: Mapping[str, Inferred]) -> None:
-    for key, finding in findings.items():
-        table[key] = finding.value
-        if finding.why:
-            table[key].comment(_clean(finding.why))
+def _beside(why: str) -> str:
+    return f" # {_clean(why)}" if why else ""
 
 
-def _rows(rows: Iterable[tuple[Any, str]]) -> Array:
-    """An array with a line, and a comment, for each of its values."""
-    array = tomlkit.array()
-    for value, why in rows:
-        array.add_line(value, comment=_clean(why))
-    array.add_line(indent="")
-    return array
-
-
-def _say(table: Table | TOMLDocument, *texts: str) -> None:
-    """Add texts as lines of comments."""
+def _comment(*texts: str) -> str:
+    """A text as lines of comments."""
     wrapper = textwrap.TextWrapper(_WIDTH - 2, break_long_words=False, break_on_hyphens=False)
-    for line in (line for text in texts for line in wrapper.wrap(_clean(text))):
-        table.add(tomlkit.comment(line))
+    return "\n".join(f"# {line}" for line in wrapper.wrap(_clean(" ".join(texts))))
 
 
 def _clean(text: str) -> str:
@@ -380,5 +295,5 @@ def _named_in(text: str) -> str:
             return name
         later = re.search(r"\bor\b.{0,35}?\blater", said, re.IGNORECASE)
         return f"{name}-{version[1]}.{version[2] or 0}{'-or-later' if later else ''}"
-    found = (name for pattern, name in _LICENCES if re.search(pattern, text, re.IGNORECASE))
+    found = (name for name, pattern in LICENCES if re.search(pattern, text, re.IGNORECASE))
     return next(found, "")
