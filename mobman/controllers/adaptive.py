@@ -10,10 +10,14 @@ import pinocchio as pin
 
 from mobman.arrays import Array, Columns, Index, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.baselines import TrackingGains, workspace
+from mobman.controllers.baselines import (
+    TrackingGains,
+    inverse_acceleration,
+    tracking_acceleration,
+)
 from mobman.controllers.bounds import sampled_states
+from mobman.controllers.disturbance_rejection import StillAtLimits
 from mobman.controllers.gains import Positive, gain
-from mobman.controllers.integral_action import StillAtLimits
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import Entry, Stop
 from mobman.linalg import dot, solve
@@ -74,20 +78,15 @@ class Adaptive(StillAtLimits):
     Gains = AdaptiveGains
     signals_in_place = True
 
-    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start again with the nominal parameters; Gamma is found here."""
-        self._robot, self._task = robot, task
-        super().reset(robot, task, dt)
-
-    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
-        robot, (k_d, omega) = self._robot, self.numbers("k_d", "omega")
-        regressor = Regressor(robot, now, z_dot)
-        self.theta = nominal_parameters(robot)
-        self.Gamma, self.s = adaptation_gain(robot, self._task, omega), np.zeros(len(v))
-        self._state, self._z_r, self._z = self.theta, regressor.z_r, now.z
-        given = (now.M, now.B, regressor.Y, now.z, z_dot, k_d, self._dt)
-        own = (self.Gamma, self.theta, regressor.z_r, self.s, *workspace(len(v)))
-        return sequence(regressor.evaluate, bind(adaptive_torque, *given, *own, v))
+    def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        regressor = Regressor(robot, self._space.now, self.values["z_dot"])
+        self.theta, self.s = nominal_parameters(robot), np.zeros(robot.nz)
+        self.Gamma = adaptation_gain(robot, task, self.values["omega"])
+        self._state, self._z_r, self._z = self.theta, regressor.z_r, self._space.now.z
+        self.values |= {"Y": regressor.Y, "Gamma": self.Gamma, "theta": self.theta}
+        self.values |= {"z_r": regressor.z_r, "s": self.s}
+        resolved = [self.entry(tracking_acceleration), self.entry(inverse_acceleration)]
+        return [*resolved, regressor.evaluate, self.entry(adaptive_torque)]
 
     def stand_still(self, before: Array) -> None:
         """Forget what a tick whose torque does not act said of theta, and start from z again."""
@@ -181,7 +180,7 @@ def adaptive_torque(
     B: Matrix,
     Y: Matrix,
     z: Vector,
-    z_r_dot: Vector,
+    z_dot: Vector,
     k_d: float,
     dt: float,
     Gamma: Vector,
@@ -192,7 +191,7 @@ def adaptive_torque(
     work: Matrix,
     v: Vector,
 ) -> int:
-    """B v = Y theta - k_d M s; then theta and z_r of the next tick."""
+    """B v = Y theta - k_d M s; then theta and z_r of the next tick, z_r' being ``z_dot``."""
     nz = z.shape[0]
     for i in range(nz):
         s[i] = z[i] - z_r[i]
@@ -202,7 +201,7 @@ def adaptive_torque(
         for i in range(nz):
             theta[k] -= dt * Gamma[k] * Y[i, k] * s[i]
     for i in range(nz):
-        z_r[i] += dt * z_r_dot[i]
+        z_r[i] += dt * z_dot[i]
     return Stop.NO_INVERSE if solve(B, force, v, work) != 0 else 0
 
 

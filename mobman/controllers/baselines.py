@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+import functools
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -12,8 +13,7 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.criterion_gains import CriterionGains
-from mobman.controllers.gains import NotNegative, Positive, as_settings, gain
+from mobman.controllers.gains import CriterionGains, NotNegative, Positive, as_settings, gain
 from mobman.controllers.protocol import DisplayedLaw, controllers
 from mobman.controllers.task_errors import (
     Entry,
@@ -25,9 +25,17 @@ from mobman.controllers.task_errors import (
     error_rate,
     take_acceleration,
 )
-from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, gram, solve, well_posed
+from mobman.linalg import (
+    apply,
+    apply_transpose,
+    cholesky,
+    cholesky_solve,
+    copy,
+    gram,
+    solve,
+    well_posed,
+)
 from mobman.model.criterion import criterion_entry
-from mobman.model.dynamics import Buffers
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
 
@@ -58,29 +66,33 @@ class SecondaryGains(TrackingGains):
     )
 
 
+Kernels = tuple[Callable[..., Any], ...]
+
+
 class ResolvedAcceleration(DisplayedLaw):
     """A law that chooses an acceleration z' and gives it to the nominal robot.
 
-    Subclasses say whether the task is the extended one of (13), what acceleration they want
-    (:meth:`acceleration`), and how they make a torque of it (:meth:`torque`).
+    A tick calls its ``kernels`` in order, once the task space and the nominal robot are evaluated:
+    functions that return None, 0 or a :class:`Stop`, usually one that writes ``wanted``, one that makes
+    ``z_dot`` of it, and one that makes ``v`` of that. Their arguments are found in ``values`` by name:
+
+    - the law's gains that are numbers, and ``dt``;
+    - ``at`` and ``J`` of the :class:`TaskSpace`, that of the extended task (13) if it is ``extended``;
+    - what :class:`mobman.model.dynamics.Buffers` has: ``M``, ``bias``, ``B``, ``C``, ``z``, ...;
+    - ``wanted``, the value wanted of J z', shape (p,); the acceleration ``z_dot`` that is chosen, the
+      ``measured`` one, and the torque ``v``, shape (nz,) each;
+    - ``force``, shape (nz,), and ``work``, shape (nz, nz), to compute in;
+    - what the law adds in :meth:`entries`.
     """
 
     extended = False
     uses: tuple[str, ...] = ("M", "bias", "J'")
+    kernels: Kernels
+    values: dict[str, Any]
 
     def __init__(self, gains: Any) -> None:
         self.gains = gains
         self._settings: dict[str, Any] = as_settings(gains)
-
-    @abstractmethod
-    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        """A function that writes the wanted acceleration, shape (nz,), once the task space is filled;
-        0, or a :class:`Stop`."""
-
-    def torque(self, now: Buffers, z_dot: Array, v: Array) -> Entry:
-        """A function that writes v, shape (nz,), by default that of the nominal robot under the wanted
-        acceleration; 0, or a :class:`Stop`."""
-        return bind(computed_torque, now.M, now.bias, now.B, z_dot, v, *workspace(len(v)))
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again, with the axes of e^a, integrals and estimates as new."""
@@ -88,16 +100,25 @@ class ResolvedAcceleration(DisplayedLaw):
         self.criterion = self.gains.criterion(robot, task)
         self._settings = as_settings(self.gains) | {"K_F": self.criterion.weights.tolist()}
         space = self._space = TaskSpace(robot, task, self.criterion if self.extended else None)
-        now = space.now
-        z_dot, self._measured, self._v = np.zeros((3, robot.nz))
+        now, nz = space.now, robot.nz
+        z_dot, self._measured, self._v, force = np.zeros((4, nz))
+        gains = [(k, x) for k, x in vars(self.gains).items() if x is not None]
+        numbers = {k: float(x) for k, x in gains if np.ndim(x) == 0 and not isinstance(x, str)}
+        self.values = {**numbers, **vars(now), "at": space.tracking, "J": space.J, "dt": dt}
+        self.values |= {"wanted": np.zeros(space.p), "z_dot": z_dot, "measured": self._measured}
+        self.values |= {"v": self._v, "force": force, "work": np.zeros((nz, nz))}
         with_bias = "bias" in self.uses
         self._run = now.run_dynamics if with_bias else now.run_inertia
-        self._law = sequence(
-            now.inertia,
-            *([now.bias_terms] if with_bias else []),
-            self.acceleration(robot, space, z_dot),
-            self.torque(now, z_dot, self._v),
-        )
+        terms = [now.inertia, now.bias_terms] if with_bias else [now.inertia]
+        self._law = sequence(*terms, *self.entries(robot, task))
+
+    def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        """The kernels with their arguments, and what else a law calls in a tick."""
+        return [self.entry(function) for function in self.kernels]
+
+    def entry(self, function: Callable[..., Any]) -> Entry:
+        """A kernel with its arguments, by their names."""
+        return bind(function, *(self.values[name] for name in _parameters(function)))
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque for the tick, shape (nz,); see :class:`Controller`."""
@@ -112,18 +133,10 @@ class ResolvedAcceleration(DisplayedLaw):
         """The gains; after :meth:`reset`, with the robot's K_F where none is given."""
         return self._settings
 
-    def numbers(self, *names: str) -> tuple[float, ...]:
-        """Gains by name, as kernels take them."""
-        return tuple(float(getattr(self.gains, name)) for name in names)
 
-    def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
-        """A function that writes the value wanted of J z', shape (p,)."""
-        return bind(tracking_acceleration, space.tracking, *self.numbers("K_p", "K_v"), wanted)
-
-
-def workspace(n: int) -> tuple[Array, Array]:
-    """A vector and a square matrix for a kernel to compute in."""
-    return np.zeros(n), np.zeros((n, n))
+@functools.cache
+def _parameters(function: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)
 
 
 @kernel
@@ -143,33 +156,6 @@ def computed_torque(
     for i in range(force.shape[0]):
         force[i] += bias[i]
     return Stop.NO_INVERSE if solve(B, force, v, work) != 0 else 0
-
-
-@controllers.register("pseudo-inverse")
-class PseudoInverse(ResolvedAcceleration):
-    r"""Resolved acceleration with null-space descent of the criterion, and computed torque:
-
-    .. math:: \dot z = j_e^+ (\ddot p_d - K_v \dot e - K_p e - \dot j_e z)
-        + (I - j_e^+ j_e)(-k_0 C^T \partial F/\partial q - k_d z),
-        \quad B v = M \dot z + Pz + G.
-
-    The usual baseline of the paper's second group (its references 12-18): it needs the dynamic
-    model, and the (pseudo-)inverse of the Jacobian at every tick.
-    """
-
-    name = "pseudo-inverse"
-    Gains = RedundancyGains
-
-    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        now, nq, p, wanted = space.now, robot.nq, space.p, np.zeros(space.p)
-        g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
-        numbers = (*self.numbers("k_0", "k_d"), float(getattr(self.gains, "mu", 0.0)))
-        work = (np.zeros(robot.nz), np.zeros((p, p)), np.zeros((p, p)))
-        return sequence(
-            criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate),
-            self.resolved(space, wanted),
-            bind(least_norm_acceleration, space.J, now.z, now.C, g, *numbers, wanted, z_dot, *work),
-        )
 
 
 @kernel
@@ -199,9 +185,7 @@ def least_norm_acceleration(
     if cholesky(exact, exact) != 0 or not well_posed(exact):
         if mu == 0.0:
             return Stop.NO_ACCELERATION
-        for i in range(wanted.shape[0]):
-            for j in range(wanted.shape[0]):
-                exact[i, j] = damped[i, j]
+        copy(damped, exact)
     cholesky_solve(damped, wanted, wanted)
     apply_transpose(J, wanted, z_dot)
     # descent = -k_0 C^T dF/dq - k_d z, and what the task must not see of it
@@ -215,6 +199,32 @@ def least_norm_acceleration(
     for i in range(z.shape[0]):
         z_dot[i] -= descent[i]
     return 0
+
+
+@controllers.register("pseudo-inverse")
+class PseudoInverse(ResolvedAcceleration):
+    r"""Resolved acceleration with null-space descent of the criterion, and computed torque:
+
+    .. math:: \dot z = j_e^+ (\ddot p_d - K_v \dot e - K_p e - \dot j_e z)
+        + (I - j_e^+ j_e)(-k_0 C^T \partial F/\partial q - k_d z),
+        \quad B v = M \dot z + Pz + G.
+
+    The usual baseline of the paper's second group (its references 12-18): it needs the dynamic
+    model, and the (pseudo-)inverse of the Jacobian at every tick.
+    """
+
+    name = "pseudo-inverse"
+    Gains = RedundancyGains
+
+    kernels = (tracking_acceleration, least_norm_acceleration, computed_torque)
+
+    def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        now, p, nq = self._space.now, self._space.p, robot.nq
+        g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
+        self.values = {"mu": 0.0, **self.values, "g": g, "descent": np.zeros(robot.nz)}
+        self.values |= {"exact": np.zeros((p, p)), "damped": np.zeros((p, p))}
+        gradient = criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate)
+        return [gradient, *super().entries(robot, task)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,6 +245,12 @@ class DampedLeastSquares(PseudoInverse):
     Gains = DampedGains
 
 
+@kernel
+def inverse_acceleration(J: Matrix, wanted: Vector, z_dot: Vector, work: Matrix) -> int:
+    """z' = J^-1 wanted; the last is work space."""
+    return Stop.NO_ACCELERATION if solve(J, wanted, z_dot, work) != 0 else 0
+
+
 @controllers.register("extended-jacobian")
 class ExtendedJacobianControl(ResolvedAcceleration):
     r"""Input-output linearisation of the extended task (13), and computed torque:
@@ -250,14 +266,4 @@ class ExtendedJacobianControl(ResolvedAcceleration):
     Gains = TrackingGains
     extended = True
 
-    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        """See :class:`ResolvedAcceleration`; subclasses have a :meth:`resolved` of their own."""
-        wanted, work = workspace(robot.nz)
-        inverse = bind(inverse_acceleration, space.J, wanted, z_dot, work)
-        return sequence(self.resolved(space, wanted), inverse)
-
-
-@kernel
-def inverse_acceleration(J: Matrix, wanted: Vector, z_dot: Vector, work: Matrix) -> int:
-    """z' = J^-1 wanted; the last is work space."""
-    return Stop.NO_ACCELERATION if solve(J, wanted, z_dot, work) != 0 else 0
+    kernels: Kernels = (tracking_acceleration, inverse_acceleration, computed_torque)

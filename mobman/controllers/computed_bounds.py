@@ -36,7 +36,7 @@ from mobman.controllers.bounds import (
     rate_along,
     sampled_states,
 )
-from mobman.controllers.criterion_gains import posture_criterion
+from mobman.controllers.gains import CriterionGains
 from mobman.errors import SingularityError
 from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian
@@ -118,7 +118,7 @@ def computed_bounds(
         sign = -1.0 if name == "A" else 1.0
         still = name in ("w_7", "A")
         sampled[name], found[name] = region.extreme(term, sign, samples, still)
-    own = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
+    own = CriterionGains().criterion(robot, task) if criterion is None else criterion
     J = _Jacobian(robot, task, own)
     regular = [sample for sample in samples if J.exists(sample.q)]
     if not regular:

@@ -1,20 +1,24 @@
-"""Gains: declared with their unit and meaning, and refused with the reason where theory does."""
+"""Gains: declared with their unit and meaning, and refused with the reason where theory does; those of
+the criterion F, which all laws have."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from mobman.arrays import SIZES, Array, beyond_sizes
-from mobman.errors import GainError
+from mobman.errors import GainError, MobmanError, UnknownNameError
+from mobman.model.criterion import Posture, Sum, Term, criteria
+from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.task import Task
+from mobman.toml_model import validate
 
-MOST_TICKS = 100
-Check = Callable[[str, Any], None]
+Check = Callable[[str, Any], object]
 """Raises GainError unless a gain of this name may have this value."""
 
 
@@ -29,31 +33,20 @@ class CheckedGains:
 
     def __post_init__(self) -> None:
         kind: Any = type(self)
-        for name, check in _checks(kind):
-            check(name, getattr(self, name))
+        for name, hint in _hints(kind).items():
+            value, parts = getattr(self, name), (hint, *get_args(hint))
+            if value is None and type(None) in parts:
+                continue
+            if get_origin(hint) is Literal:
+                choices = ", ".join(map(repr, parts[1:]))
+                _require(value in parts[1:], name, value, f"be one of {choices}")
+            for check in (check for part in parts for check in getattr(part, "__metadata__", ())):
+                check(name, value)
 
 
 @functools.cache
-def _checks(kind: Any) -> list[tuple[str, Check]]:
-    found: list[tuple[str, Check]] = []
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        parts = (hint, *get_args(hint))
-        checks = [check for part in parts for check in getattr(part, "__metadata__", ())]
-        if get_origin(hint) is Literal:
-            checks = [functools.partial(_chosen, get_args(hint))]
-        if type(None) in parts:
-            checks = [functools.partial(_if_given, check) for check in checks]
-        found += [(name, check) for check in checks]
-    return found
-
-
-def _chosen(choices: tuple[str, ...], name: str, value: Any) -> None:
-    _require(value in choices, name, value, f"be one of {', '.join(map(repr, choices))}")
-
-
-def _if_given(check: Check, name: str, value: Any) -> None:
-    if value is not None:
-        check(name, value)
+def _hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
 
 
 def as_settings(gains: Any) -> dict[str, Any]:
@@ -77,54 +70,49 @@ def _require(met: bool, name: str, value: Any, condition: str) -> None:
         raise GainError(f"{name} = {value!r}: must {condition}")
 
 
-def positive(name: str, value: Any) -> None:
-    """Raises GainError unless the gain is a finite number above 0."""
-    _require(_number(name, value) > 0.0, name, value, "be above 0")
+def condition(
+    words: str, holds: Callable[[Array], Any], *, several: bool = False, auto: bool = False
+) -> Check:
+    """The gain is a finite number for which something holds, and must ``words``; or several numbers, or
+    ``"auto"``, where these are allowed."""
 
+    def check(name: str, value: Any) -> None:
+        if auto and isinstance(value, str):
+            return _require(value == "auto", name, value, "be 'auto' or a number above 0")
+        _require(several or np.ndim(value) == 0, name, value, "be one number")
+        return _require(bool(np.all(holds(_numbers(name, value)))), name, value, words)
 
-def not_negative(name: str, value: Any) -> None:
-    """Raises GainError unless the gain is a finite number, 0 or more."""
-    _require(_number(name, value) >= 0.0, name, value, "not be negative")
-
-
-def positive_diagonal(name: str, value: Any) -> None:
-    """Raises GainError unless the gain is a number above 0, or a list of them."""
-    met = bool(np.all(_numbers(name, value) > 0.0))
-    _require(met, name, value, "be above 0, every entry of it")
+    return check
 
 
 def at_least_one(theorem: str) -> Check:
     """The gain is at least 1, as the theorem supposes."""
-
-    def check(name: str, value: Any) -> None:
-        _require(_number(name, value) >= 1.0, name, value, f"be at least 1 ({theorem})")
-
-    return check
+    return condition(f"be at least 1 ({theorem})", lambda x: x >= 1.0)
 
 
 def bound(inequality: str) -> Check:
     """The gain is ``"auto"`` or a number above 0."""
+    return condition(f"be above 0, since {inequality}", lambda x: x > 0.0, auto=True)
+
+
+def whole(least: int, most: int, what: str = "") -> Check:
+    """The gain is a whole number within bounds, of what it counts."""
 
     def check(name: str, value: Any) -> None:
-        if isinstance(value, str):
-            _require(value == "auto", name, value, "be 'auto' or a number above 0")
-        else:
-            _require(_number(name, value) > 0.0, name, value, f"be above 0, since {inequality}")
+        met = isinstance(value, int | np.integer) and not isinstance(value, bool | np.bool_)
+        words = f"be a whole number{what} from {least} to {most}"
+        _require(met and least <= value <= most, name, value, words)
 
     return check
 
 
-def ticks(name: str, value: Any) -> None:
-    """Raises GainError unless the gain is a whole number of ticks, 0 to 100."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool | np.bool_)
-    met = whole and 0 <= value <= MOST_TICKS
-    _require(met, name, value, f"be a whole number of ticks from 0 to {MOST_TICKS}")
-
-
 Auto = Literal["auto"]
-Positive = Annotated[float, positive]
-NotNegative = Annotated[float, not_negative]
-Diagonal = Annotated[float | Sequence[float], positive_diagonal]
+Positive = Annotated[float, condition("be above 0", lambda x: x > 0.0)]
+NotNegative = Annotated[float, condition("not be negative", lambda x: x >= 0.0)]
+Diagonal = Annotated[
+    float | Sequence[float],
+    condition("be above 0, every entry of it", lambda x: x > 0.0, several=True),
+]
 """A diagonal matrix: one number for all entries, or one for each."""
 
 
@@ -168,11 +156,6 @@ def diagonal(name: str, value: Any, length: int) -> Array:
     return np.full(length, vector)
 
 
-def _number(name: str, value: Any) -> float:
-    _require(np.ndim(value) == 0, name, value, "be one number")
-    return float(_numbers(name, value))
-
-
 def _numbers(name: str, value: Any) -> Array:
     try:
         numbers = np.asarray(value, dtype=float)
@@ -184,3 +167,65 @@ def _numbers(name: str, value: Any) -> Array:
     _require(finite, name, value, "be a finite number, or a list of them")
     _require(not beyond_sizes(numbers), name, value, f"be {SIZES}")
     return numbers
+
+
+# The criterion of a law --------------------------------------------------------------------------------
+
+
+def terms(name: str, given: Sequence[Mapping[str, Any]]) -> list[Term]:
+    """The terms of ``criteria``.
+
+    Raises:
+        GainError: If one has an unknown type or a wrong field.
+    """
+    if not isinstance(given, list | tuple):
+        raise GainError(f"{name} = {given!r}: must be a list of tables, each with a type")
+    found = []
+    for number, table in enumerate(given):
+        origin = f"{name}[{number}]"
+        fields = dict(table) if isinstance(table, Mapping) else {}
+        kind = fields.pop("type", None)
+        if not isinstance(kind, str):
+            raise GainError(
+                f"{origin} = {table!r}: must be a table with a type, one of "
+                f"{', '.join(map(repr, criteria.names()))}, a weight, and the type's fields"
+            )
+        try:
+            found.append(validate(criteria.get(kind), fields, origin))
+        except UnknownNameError as error:
+            raise GainError(f"{origin}: {error}") from error
+        except MobmanError as error:
+            raise GainError(str(error)) from error
+    return found
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CriterionGains(CheckedGains):
+    """Gains of the criterion."""
+
+    c_F: Positive = gain(1.0, "1", "c_F of the criterion (12)")
+    K_F: Diagonal | None = gain(
+        None, "m^-2, rad^-2", "diagonal of K_F of (12), by default the robot's"
+    )
+    criteria: Annotated[Sequence[Mapping[str, Any]], terms] = gain(
+        (), "", "terms added to (12): tables of type, weight and the type's fields"
+    )
+
+    def criterion(self, robot: MobileManipulator, task: Task) -> Posture | Sum:
+        """F of a law with these gains: (12), and what is added to it.
+
+        Where no K_F is given, its diagonal is the task's ``criterion_weights(robot)`` if it has that
+        method, else the robot's own. The robot's couplings stay.
+
+        Raises:
+            GainError: If K_F has not one weight for each coordinate of q.
+            UsageError: If a term means nothing for this robot.
+        """
+        own = getattr(task, "criterion_weights", None)
+        if self.K_F is not None:
+            weights = diagonal("K_F", self.K_F, robot.nq)
+        else:
+            weights = robot.criterion_weights if own is None else own(robot)
+        posture = Posture(weights, robot.q_rest, self.c_F, robot.criterion_couplings)
+        added = [term.on(robot) for term in terms("criteria", self.criteria)]
+        return Sum(posture, added) if added else posture

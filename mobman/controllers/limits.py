@@ -11,7 +11,7 @@ import numpy as np
 
 from mobman.arrays import LARGEST, SMALLEST, Array, Matrix, Vector
 from mobman.compiled import kernel
-from mobman.controllers.gains import diagonal, positive_diagonal
+from mobman.controllers.gains import Diagonal, diagonal
 from mobman.controllers.task_errors import Stop
 from mobman.errors import GainError
 from mobman.linalg import apply, cholesky, cholesky_solve, dot, solve
@@ -30,8 +30,7 @@ def _torque_limits(name: str, given: Any) -> None:
 
 
 def _caps(name: str, value: Any) -> None:
-    """Raises GainError unless a cap is a number above 0, or two of them."""
-    positive_diagonal(name, value)
+    """Raises GainError unless a cap is one number, or two."""
     if np.ndim(value) and np.shape(value) != (2,):
         raise GainError(
             f"{name} = {value!r}: must be one number, or two: of positions and of orientations"
@@ -41,7 +40,7 @@ def _caps(name: str, value: Any) -> None:
 TorqueLimits = Annotated[float | Sequence[float | None], _torque_limits] | None
 """Largest |v| of each motor (N m, N): one number for all, or one for each with None where there is none;
 None: those that act, see :meth:`LimitedMotors.torque_limits`."""
-Cap = Annotated[float | Sequence[float], _caps] | None
+Cap = Annotated[Diagonal, _caps] | None
 """A largest norm: one number for positions and orientations alike, or one for each; None for none."""
 
 _BRAKING = 2.0  # 1/s: rate at which the torque that a hedge falls back to slows all motions

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.controllers.criterion_gains import CriterionGains
-from mobman.controllers.gains import NotNegative, Positive, gain
+from mobman.controllers.baselines import computed_torque
+from mobman.controllers.gains import CriterionGains, NotNegative, Positive, gain, whole
 from mobman.controllers.limits import TorqueLimits
 from mobman.controllers.protocol import controllers
-from mobman.controllers.quadratic_program import LimitedProgram
 from mobman.controllers.task_errors import Entry, TaskSpace
+from mobman.controllers.whole_body_qp import LimitedProgram
 from mobman.errors import GainError
 from mobman.linalg import apply, gram
 from mobman.model.dynamics import Buffers
@@ -28,7 +28,7 @@ class PredictiveGains(CriterionGains):
 
     period: Positive = gain(0.02, "s", "time from one solution to the next, a multiple of dt")
     horizon: Positive = gain(0.8, "s", "time that is looked ahead")
-    intervals: int = gain(
+    intervals: Annotated[int, whole(2, 50)] = gain(
         8, "1", "of the horizon, each with its acceleration; the later, the longer"
     )
     tau: Positive = gain(0.2, "s", "weight of e' against e: without limits e decays within it")
@@ -42,9 +42,6 @@ class PredictiveGains(CriterionGains):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        number = self.intervals
-        if isinstance(number, bool) or not isinstance(number, int) or not 2 <= number <= 50:
-            raise GainError(f"intervals = {number!r}: must be a whole number from 2 to 50")
         if not self.period < self.horizon:
             raise GainError(f"horizon = {self.horizon!r}: must be above period = {self.period!r}")
 
@@ -111,8 +108,8 @@ class PredictiveControl(LimitedProgram):
         """The cost of the last solution, before the iteration that improved it, shape (1,)."""
         return {"mpc/cost": self.cost}
 
-    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        gains, nz = self.gains, robot.nz
+    def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        gains, nz, space, z_dot = self.gains, robot.nz, self._space, self.values["z_dot"]
         self._robot, self._now, self._middle = robot, space, Buffers(robot)
         self._root = np.sqrt(base_metric(robot))
         first = self._every * self._dt
@@ -144,7 +141,7 @@ class PredictiveControl(LimitedProgram):
             self._z_r = self._z_r + self._dt * u
             return 0
 
-        return act
+        return [act, self.entry(computed_torque)]
 
     def _improvement(self) -> Array:
         """The step of one iteration of Gauss-Newton from U, shape (intervals, nz)."""

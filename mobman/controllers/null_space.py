@@ -23,9 +23,8 @@ from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel
 from mobman.controllers.gains import NotNegative, Positive, gain
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import Stop, Tracking
+from mobman.controllers.task_errors import Entry, Stop, Tracking
 from mobman.controllers.tsm import (
-    Entries,
     Held,
     SlidingGains,
     SlidingStage,
@@ -78,7 +77,7 @@ class NullSpaceSlidingMode(TerminalSlidingMode):
     def metric(self, robot: MobileManipulator) -> Array:
         return base_metric(robot)
 
-    def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> Entries:
+    def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> list[Entry]:
         gains, now, p, nq, nz = self.gains, self._now, self._space.p, robot.nq, robot.nz
         g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
         work = (np.zeros((p, nz)), np.zeros((p, p)), np.zeros(nz), np.zeros(p))

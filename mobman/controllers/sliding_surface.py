@@ -4,20 +4,22 @@ layer), and of the second, ``super-twisting``."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 
-from mobman.arrays import Array, Vector
-from mobman.compiled import bind, kernel
-from mobman.controllers.baselines import ExtendedJacobianControl
-from mobman.controllers.criterion_gains import CriterionGains
-from mobman.controllers.gains import Auto, Positive, bound, gain
-from mobman.controllers.integral_action import StillAtLimits
+from mobman.arrays import Vector
+from mobman.compiled import kernel
+from mobman.controllers.baselines import (
+    ExtendedJacobianControl,
+    computed_torque,
+    inverse_acceleration,
+)
+from mobman.controllers.disturbance_rejection import StillAtLimits
+from mobman.controllers.gains import Auto, CriterionGains, Positive, bound, gain
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import TaskSpace, Tracking, desired, error, error_rate
+from mobman.controllers.task_errors import Entry, Tracking, desired, error, error_rate
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
 
@@ -49,6 +51,21 @@ class UnitVectorGains(SlidingSurfaceGains):
     )
 
 
+@kernel
+def unit_vector_acceleration(
+    at: Tracking, Lambda: float, rho: float, layer: float, wanted: Vector
+) -> None:
+    """The value wanted of J z': p_d'' - Lambda e' - rho sigma/max(|sigma|, layer) - J' z."""
+    size = 0.0
+    for i in range(wanted.shape[0]):
+        size += surface(at, Lambda, i) ** 2
+    size = max(math.sqrt(size), layer)
+    for i in range(wanted.shape[0]):
+        sliding = rho * surface(at, Lambda, i) / size
+        p_ddot = desired(at.p_d, 2, i)
+        wanted[i] = p_ddot - Lambda * error_rate(at, i) - sliding - at.J_dot_z[i]
+
+
 @controllers.register("first-order-sliding")
 class FirstOrderSliding(ExtendedJacobianControl):
     r"""Unit-vector control of :math:`\sigma = \dot e + \Lambda e` on computed torque:
@@ -71,32 +88,13 @@ class FirstOrderSliding(ExtendedJacobianControl):
 
     name = "first-order-sliding"
     Gains: Any = UnitVectorGains
+    kernels = (unit_vector_acceleration, inverse_acceleration, computed_torque)
 
-    def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
-        """Start again; an "auto" layer is found here."""
-        layer = self.gains.layer
-        self._layer = _LAYER * self.gains.rho * dt if isinstance(layer, str) else float(layer)
-        super().reset(robot, task, dt)
-        self._settings["layer"] = self._layer
-
-    def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
-        numbers = (*self.numbers("Lambda", "rho"), self._layer)
-        return bind(unit_vector_acceleration, space.tracking, *numbers, wanted)
-
-
-@kernel
-def unit_vector_acceleration(
-    at: Tracking, Lambda: float, rho: float, layer: float, wanted: Vector
-) -> None:
-    """The value wanted of J z': p_d'' - Lambda e' - rho sigma/max(|sigma|, layer) - J' z."""
-    size = 0.0
-    for i in range(wanted.shape[0]):
-        size += surface(at, Lambda, i) ** 2
-    size = max(math.sqrt(size), layer)
-    for i in range(wanted.shape[0]):
-        sliding = rho * surface(at, Lambda, i) / size
-        p_ddot = desired(at.p_d, 2, i)
-        wanted[i] = p_ddot - Lambda * error_rate(at, i) - sliding - at.J_dot_z[i]
+    def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        if self.gains.layer == "auto":
+            self.values["layer"] = _LAYER * self.gains.rho * self._dt
+        self._settings["layer"] = self.values["layer"]
+        return super().entries(robot, task)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +104,28 @@ class TwistingGains(SlidingSurfaceGains):
     L: Positive = gain(
         100.0, "m/s^3", "bound of the rate of the unknown acceleration J z' of the task"
     )
+
+
+@kernel
+def twist(sigma: float, L: float, dt: float, w: Vector, i: int) -> float:
+    """u of a tick; w[i] is advanced to the next."""
+    # sigma+ = sigma - dt k_1 |sigma+|^(1/2) sign sigma+, solved for |sigma+|^(1/2)
+    root = dt * _ROOT * math.sqrt(L)
+    half = 0.5 * (math.sqrt(root**2 + 4.0 * abs(sigma)) - root)
+    u = (math.copysign(half**2, sigma) - sigma) / dt + w[i]
+    k_2 = _SIGN * L
+    w[i] -= dt * k_2 * max(-1.0, min(1.0, sigma / (_RAMP * k_2 * dt**2)))
+    return float(u)
+
+
+@kernel
+def twisting_acceleration(
+    at: Tracking, Lambda: float, L: float, dt: float, w: Vector, wanted: Vector
+) -> None:
+    """The value wanted of J z': p_d'' - Lambda e' + u - J' z."""
+    for i in range(wanted.shape[0]):
+        u = twist(surface(at, Lambda, i), L, dt, w, i)
+        wanted[i] = desired(at.p_d, 2, i) - Lambda * error_rate(at, i) + u - at.J_dot_z[i]
 
 
 @controllers.register("super-twisting")
@@ -134,30 +154,8 @@ class SuperTwisting(StillAtLimits):
 
     name = "super-twisting"
     Gains: Any = TwistingGains
+    kernels = (twisting_acceleration, inverse_acceleration, computed_torque)
 
-    def resolved(self, space: TaskSpace, wanted: Array) -> Callable[[], object]:
-        self._state = np.zeros(space.p)
-        numbers = (*self.numbers("Lambda", "L"), self._dt)
-        return bind(twisting_acceleration, space.tracking, *numbers, self._state, wanted)
-
-
-@kernel
-def twisting_acceleration(
-    at: Tracking, Lambda: float, L: float, dt: float, w: Vector, wanted: Vector
-) -> None:
-    """The value wanted of J z': p_d'' - Lambda e' + u - J' z."""
-    for i in range(wanted.shape[0]):
-        u = twist(surface(at, Lambda, i), L, dt, w, i)
-        wanted[i] = desired(at.p_d, 2, i) - Lambda * error_rate(at, i) + u - at.J_dot_z[i]
-
-
-@kernel
-def twist(sigma: float, L: float, dt: float, w: Vector, i: int) -> float:
-    """u of a tick; w[i] is advanced to the next."""
-    # sigma+ = sigma - dt k_1 |sigma+|^(1/2) sign sigma+, solved for |sigma+|^(1/2)
-    root = dt * _ROOT * math.sqrt(L)
-    half = 0.5 * (math.sqrt(root**2 + 4.0 * abs(sigma)) - root)
-    u = (math.copysign(half**2, sigma) - sigma) / dt + w[i]
-    k_2 = _SIGN * L
-    w[i] -= dt * k_2 * max(-1.0, min(1.0, sigma / (_RAMP * k_2 * dt**2)))
-    return float(u)
+    def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        self._state = self.values["w"] = np.zeros(self._space.p)
+        return super().entries(robot, task)

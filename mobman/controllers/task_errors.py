@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.orientation import REASONS, OrientationError, Turn
 from mobman.tasks.task import Task, task_entry, task_map_of
 
-Entry = Callable[[], int]
-"""Function that a law calls at every tick: 0, or a :class:`Stop`."""
+Entry = Callable[[], Any]
+"""Function that a law calls at every tick: None, 0, or a :class:`Stop`."""
 
 
 class Stop(IntEnum):

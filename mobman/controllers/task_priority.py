@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.compiled import sequence
-from mobman.controllers.baselines import ResolvedAcceleration, SecondaryGains
-from mobman.controllers.gains import NotNegative, Positive, gain
+from mobman.controllers.baselines import (
+    ResolvedAcceleration,
+    SecondaryGains,
+    computed_torque,
+    tracking_acceleration,
+)
+from mobman.controllers.gains import NotNegative, Positive, condition, gain
 from mobman.controllers.protocol import controllers
-from mobman.controllers.task_errors import Entry, Stop, TaskSpace
-from mobman.errors import GainError
+from mobman.controllers.task_errors import Entry, Stop
 from mobman.model.joint_limits import LimitZones
 from mobman.model.metric import base_metric, unit_stiffness
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.task_map import TaskMap
+from mobman.tasks.task import Task
 
 _POSTURES, _NEAR = 20, 0.5  # how many, within how much of the rest posture (rad, m)
+
+
+_APART = condition("be at most 0.5, where both zones meet", lambda zone: zone <= 0.5)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,15 +36,12 @@ class PriorityGains(SecondaryGains):
     k_l: NotNegative = gain(
         5.0, "s^-1", "speed away from a joint's limit in z_0, per depth in its zone"
     )
-    zone: NotNegative = gain(0.1, "1", "share of a joint's range, at each end, that is avoided")
+    zone: Annotated[NotNegative, _APART] = gain(
+        0.1, "1", "share of a joint's range, at each end, that is avoided"
+    )
     epsilon: Positive = gain(
         0.3, "1", "the inverse is damped below so many times sigma_min(J) near the rest posture"
     )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.zone > 0.5:
-            raise GainError(f"zone = {self.zone!r}: must be at most 0.5, where both zones meet")
 
 
 @controllers.register("task-priority")
@@ -67,12 +72,12 @@ class TaskPriority(ResolvedAcceleration):
     Gains = PriorityGains
     uses = ("M", "bias", "J'", "limits")
 
-    def acceleration(self, robot: MobileManipulator, space: TaskSpace, z_dot: Array) -> Entry:
-        now, wanted, root = space.now, np.zeros(space.p), np.sqrt(base_metric(robot))
-        k_d, k_0, k_l, zone, epsilon = self.numbers("k_d", "k_0", "k_l", "zone", "epsilon")
-        k_0 *= unit_stiffness(robot, self.criterion)
-        epsilon *= usual_singular_value(robot, space.task_map, root)
-        zones, back = LimitZones(robot, zone), np.zeros(robot.nz)
+    def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        space, k, root = self._space, self.values, np.sqrt(base_metric(robot))
+        now, wanted, z_dot, k_d, k_l = space.now, k["wanted"], k["z_dot"], k["k_d"], k["k_l"]
+        k_0 = k["k_0"] * unit_stiffness(robot, self.criterion)
+        epsilon = k["epsilon"] * usual_singular_value(robot, space.task_map, root)
+        zones, back = LimitZones(robot, k["zone"]), np.zeros(robot.nz)
 
         def prioritise() -> int:
             # J Omega^1/2 = U S V^T, in the coordinates zeta = Omega^-1/2 z
@@ -90,7 +95,7 @@ class TaskPriority(ResolvedAcceleration):
             z_dot[:] = root * (k_d * (zeta_0 - zeta) + along @ Vt)
             return 0
 
-        return sequence(self.resolved(space, wanted), prioritise)
+        return [self.entry(tracking_acceleration), prioritise, self.entry(computed_torque)]
 
 
 def usual_singular_value(robot: MobileManipulator, task_map: TaskMap, root: Array) -> float:

@@ -9,7 +9,7 @@ advances the integrals of both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from typing import Annotated, Any, Literal, NamedTuple
@@ -20,11 +20,11 @@ from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.bounds import actuation_bound, inertia_bound, jacobian_bound
 from mobman.controllers.computed_bounds import computed_bounds
-from mobman.controllers.criterion_gains import CriterionGains
 from mobman.controllers.damped import Damping, damp
 from mobman.controllers.delay import UnderWay, automatic_metric_scale, predict_acceleration
 from mobman.controllers.gains import (
     Auto,
+    CriterionGains,
     Diagonal,
     NotNegative,
     Positive,
@@ -34,7 +34,7 @@ from mobman.controllers.gains import (
     diagonal,
     gain,
     odd_ratio,
-    ticks,
+    whole,
 )
 from mobman.controllers.limits import (
     Cap,
@@ -48,6 +48,7 @@ from mobman.controllers.limits import (
 )
 from mobman.controllers.protocol import DisplayedLaw, controllers
 from mobman.controllers.task_errors import (
+    Entry,
     Stop,
     TaskSpace,
     Tracking,
@@ -112,7 +113,7 @@ class CascadeGains(CriterionGains):
     metric_scale: Annotated[float | Auto, bound("it is a factor of an inertia")] = gain(
         "auto", "1", "factor of the nominal M in the implicit form's metric"
     )
-    delay_ticks: Annotated[int, ticks] | None = gain(
+    delay_ticks: Annotated[int, whole(0, 100, " of ticks")] | None = gain(
         None, "ticks", "how late torques act, which is predicted; None: not told, and 1 is borne"
     )
     lightest: Positive = gain(
@@ -386,9 +387,6 @@ def in_force(gains: CascadeGains, dt: float, a: float, A: float, inverse: bool) 
 # The controllers --------------------------------------------------------------------------------------
 
 
-Entries = list[Callable[[], Any]]
-
-
 @controllers.register("tsm")
 class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
     """Kinematic stage on the extended Jacobian's transpose, v_ref' = J^T u_ref (34)-(35); dynamic
@@ -491,7 +489,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             "sliding/z_dot": self._z_dot,
         }
 
-    def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> Entries:
+    def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> list[Entry]:
         """Entries that give v_ref', from the arguments of :func:`kinematic_stage`."""
         if not self.gains.damping:
             return [bind(kinematic_stage, *stage)]
@@ -500,7 +498,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         own = Damping.of(float(self.gains.damping), bounds, self._space.p, robot.nz)
         return [bind(damped_stage, *stage, own)]
 
-    def _prediction(self) -> Entries:
+    def _prediction(self) -> list[Entry]:
         """Entries that put the predicted z' in the place of the measured one."""
         delay, now = self.gains.delay_ticks, self._now
         if not delay:

@@ -18,7 +18,7 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.controllers.bounds import jacobian_bound
-from mobman.controllers.criterion_gains import posture_criterion
+from mobman.controllers.gains import CriterionGains
 from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import MobmanError, SingularityError
 from mobman.model.criterion import Criterion
@@ -250,7 +250,7 @@ def predict_singularity(
         criterion: F; by default that of the laws, with the task's weights or the robot's.
         step: The longest (s).
     """
-    criterion = posture_criterion(robot, 1.0, None, task) if criterion is None else criterion
+    criterion = CriterionGains().criterion(robot, task) if criterion is None else criterion
     jacobians = Jacobians(robot, task, criterion)
     extended, m, posture = jacobians.extended, jacobians.m, _posture(robot)
     space, rest = TaskSpace(robot, task, criterion), np.zeros(robot.nz)

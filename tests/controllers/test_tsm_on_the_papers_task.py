@@ -7,7 +7,7 @@ import pytest
 from support.errors import largest_after, size_at
 
 import mobman as mm
-from mobman.controllers.criterion_gains import posture_criterion
+from mobman.controllers.gains import CriterionGains
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
 
@@ -64,7 +64,7 @@ def test_bound_a_holds_once_the_robot_moves(record, youbot):
     """lambda_min(J J^T) is 0.0023 at the start and above a = 0.2 from half a second on."""
     assert np.isclose(record.metrics["lambda_min"], 0.0023, atol=1e-4)
     task = mm.make_task("paper", youbot)
-    criterion, complement = posture_criterion(youbot, 1.0, None, task), None
+    criterion, complement = CriterionGains().criterion(youbot, task), None
     for i in range(500, 10_001, 100):
         q, z = record.q[i], record.z[i]
         now = extended_kinematics(youbot, TaskMap(), criterion, q, z, complement)

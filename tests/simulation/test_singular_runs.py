@@ -8,14 +8,14 @@ from support.variants import description
 
 import mobman as mm
 from mobman.checks.checks import run_checks
-from mobman.controllers.criterion_gains import posture_criterion
+from mobman.controllers.gains import CriterionGains
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
 from mobman.simulation.singularity import nearest_limit, predict_singularity
 
 
 def _sigmas(robot, task, q):
-    criterion = posture_criterion(robot, 1.0, None, task)
+    criterion = CriterionGains().criterion(robot, task)
     J = extended_kinematics(robot, TaskMap(), criterion, q, np.zeros(robot.nz)).J
     return {name: np.linalg.svd(part)[1][-1] for name, part in (("J", J), ("J_e", J[:3]))}
 
