@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 import mobman as mm
-from mobman.controllers.computed_bounds import PAPER, computed_bounds
+from mobman.controllers.bounds import PAPER, computed_bounds
 
 PAPERS: dict[str, Any] = {"a": 0.2, "A": 0.2}
 """The paper's bounds, of its section 4."""

@@ -200,7 +200,7 @@ def bounds(name: str, as_json: bool) -> None:
 
     They hold over sampled states of the default task, with a margin; beside them the paper's.
     """
-    from mobman.controllers import computed_bounds as computing
+    from mobman.controllers import bounds as computing
     from mobman.controllers.bounds import SEED, SPREAD
     from mobman.model.build import load_robot
     from mobman.tasks.task import make_task

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from mobman.arrays import Array, Matrix, Vector
+from mobman.arrays import Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
 from mobman.controllers.gains import CriterionGains, NotNegative, Positive, as_settings, gain
-from mobman.controllers.protocol import DisplayedLaw, controllers
+from mobman.controllers.protocol import TaskSpaceLaw, controllers
 from mobman.controllers.task_errors import (
     Entry,
     Stop,
@@ -23,7 +23,6 @@ from mobman.controllers.task_errors import (
     desired,
     error,
     error_rate,
-    take_acceleration,
 )
 from mobman.linalg import (
     apply,
@@ -69,7 +68,7 @@ class SecondaryGains(TrackingGains):
 Kernels = tuple[Callable[..., Any], ...]
 
 
-class ResolvedAcceleration(DisplayedLaw):
+class ResolvedAcceleration(TaskSpaceLaw):
     """A law that chooses an acceleration z' and gives it to the nominal robot.
 
     A tick calls its ``kernels`` in order, once the task space and the nominal robot are evaluated:
@@ -85,14 +84,9 @@ class ResolvedAcceleration(DisplayedLaw):
     - what the law adds in :meth:`entries`.
     """
 
-    extended = False
     uses: tuple[str, ...] = ("M", "bias", "J'")
     kernels: Kernels
     values: dict[str, Any]
-
-    def __init__(self, gains: Any) -> None:
-        self.gains = gains
-        self._settings: dict[str, Any] = as_settings(gains)
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again, with the axes of e^a, integrals and estimates as new."""
@@ -119,19 +113,6 @@ class ResolvedAcceleration(DisplayedLaw):
     def entry(self, function: Callable[..., Any]) -> Entry:
         """A kernel with its arguments, by their names."""
         return bind(function, *(self.values[name] for name in _parameters(function)))
-
-    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
-        """The torque for the tick, shape (nz,); see :class:`Controller`."""
-        self._space.at(t, q, z)
-        self._run()
-        take_acceleration(self._measured, z_dot)
-        if stop := self._law():
-            raise Stop(stop).error(self.extended)
-        return self._v.copy()
-
-    def settings(self) -> dict[str, Any]:
-        """The gains; after :meth:`reset`, with the robot's K_F where none is given."""
-        return self._settings
 
 
 @functools.cache

@@ -21,7 +21,7 @@ from mobman.controllers.baselines import (
     tracking_acceleration,
 )
 from mobman.controllers.gains import NotNegative, Positive, condition, gain
-from mobman.controllers.limits import LimitedMotors
+from mobman.controllers.motors import LimitedMotors
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import Entry, Stop, Tracking, error
 from mobman.linalg import apply, dot, solve

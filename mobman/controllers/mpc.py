@@ -10,7 +10,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.controllers.baselines import computed_torque
 from mobman.controllers.gains import CriterionGains, NotNegative, Positive, gain, whole
-from mobman.controllers.limits import TorqueLimits
+from mobman.controllers.motors import TorqueLimits
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import Entry, TaskSpace
 from mobman.controllers.whole_body_qp import LimitedProgram

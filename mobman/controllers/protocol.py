@@ -1,15 +1,19 @@
-"""Interface of a controller, and the registry of controllers."""
+"""Interface of a controller, the registry of controllers, and the base of mobman's laws."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from numbers import Real
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
+
 from mobman.arrays import Array
+from mobman.controllers.gains import as_settings
+from mobman.controllers.task_errors import Entry, Stop, TaskSpace
 from mobman.display import Displayed, Shown, line_of
 from mobman.errors import UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -28,7 +32,7 @@ class Controller(Protocol):
     ``criterion``, what e^a is measured by, the robot's posture criterion if there is none; ``uses``, the
     keys of :data:`INFORMATION` that the law takes, for reports, which say nothing if there is none;
     ``limit_motors(acting)``, called before :meth:`reset` with the limits that act behind the law (see
-    :class:`mobman.controllers.limits.LimitedMotors`).
+    :class:`mobman.controllers.motors.LimitedMotors`).
 
     >>> import mobman as mm
     >>> import numpy as np
@@ -79,45 +83,6 @@ controllers: Registry[type[Any]] = Registry(
     "controller", "mobman.controllers", "mobman.controllers"
 )
 """Classes that are made from an instance of their own ``Gains``, a dataclass, or without anything."""
-
-
-class NotResetError(UsageError, AttributeError):
-    """An attribute of a law that :meth:`Controller.reset` has not made yet."""
-
-
-class DisplayedLaw(Displayed):
-    """Base of laws that show their name and the gains that are not the defaults, and that say what is
-    wrong with the arguments of ``reset``, and that it comes first."""
-
-    name: str
-    gains: Any
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        if (reset := vars(cls).get("reset")) is None:
-            return
-
-        @functools.wraps(reset)
-        def checked(self: Any, robot: Any, task: Any, dt: Any) -> None:
-            if not isinstance(robot, MobileManipulator):
-                raise UsageError(f"robot = {robot!r}: expected what mobman.load_robot gives")
-            if not (isinstance(dt, Real) and 0.0 < float(dt) < math.inf):
-                raise UsageError(f"dt = {dt!r}: expected a number above 0 (s)")
-            reset(self, robot, task, dt)
-
-        cls.reset = checked  # type: ignore[attr-defined]
-
-    def __getattr__(self, name: str) -> Any:
-        raise NotResetError(
-            f"{type(self).__name__} has no {name!r} before reset(robot, task, dt), which comes first"
-        )
-
-    def _shown(self) -> Shown:
-        fields = dataclasses.fields(self.gains)
-        values = {field.name: getattr(self.gains, field.name) for field in fields}
-        defaults = type(self.gains)()
-        given = {name: v for name, v in values.items() if v != getattr(defaults, name)}
-        return Shown(line_of(type(self).__name__, self.name, given), values)
 
 
 def list_controllers() -> list[str]:
@@ -190,3 +155,85 @@ def gains_by_field(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
             raise UsageError(f"gain {field!r} of {name!r} is given twice")
         found[field] = value
     return found
+
+
+# Base of mobman's laws --------------------------------------------------------------------------------
+
+
+class NotResetError(UsageError, AttributeError):
+    """An attribute of a law that :meth:`Controller.reset` has not made yet."""
+
+
+class TaskSpaceLaw(Displayed):
+    """Base of laws that drive a :class:`TaskSpace`; their ``reset`` makes what a tick needs.
+
+    It shows a law's name and the gains that are not the defaults, and says what is wrong with the
+    arguments of ``reset``, and that it comes first.
+    """
+
+    name: str
+    gains: Any
+    extended = False
+    """True if e = (e^e, e^a) of (13) is driven to zero, the tip's errors and the criterion's
+    transversality conditions; False if it is e^e alone."""
+    _space: TaskSpace
+    _run: Callable[[], None]
+    """Pinocchio's part of the model, as far as the law needs it."""
+    _measured: Array
+    """z' as it is given, shape (nz,)."""
+    _law: Entry
+    """What a tick computes, up to ``_v``."""
+    _v: Array
+    """The torque, shape (nz,)."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if (reset := vars(cls).get("reset")) is None:
+            return
+
+        @functools.wraps(reset)
+        def checked(self: Any, robot: Any, task: Any, dt: Any) -> None:
+            if not isinstance(robot, MobileManipulator):
+                raise UsageError(f"robot = {robot!r}: expected what mobman.load_robot gives")
+            if not (isinstance(dt, Real) and 0.0 < float(dt) < math.inf):
+                raise UsageError(f"dt = {dt!r}: expected a number above 0 (s)")
+            reset(self, robot, task, dt)
+
+        cls.reset = checked  # type: ignore[attr-defined]
+
+    def __init__(self, gains: Any) -> None:
+        self.gains = gains
+        self._settings: dict[str, Any] = as_settings(gains)
+
+    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
+        """The torque v for the tick, shape (nz,); see :class:`Controller`."""
+        self._space.at(t, q, z)
+        self._run()
+        try:
+            if len(z_dot) != len(self._measured):
+                raise ValueError
+            self._measured[:] = z_dot
+        except (TypeError, ValueError):
+            shape = self._measured.shape
+            raise UsageError(
+                f"z_dot has shape {np.shape(z_dot)}; expected {shape}, of numbers"
+            ) from None
+        if stop := self._law():
+            raise Stop(stop).error(self.extended)
+        return self._v.copy()
+
+    def settings(self) -> dict[str, Any]:
+        """The gains; after :meth:`reset`, with the numbers that defaults and "auto" became."""
+        return self._settings
+
+    def __getattr__(self, name: str) -> Any:
+        raise NotResetError(
+            f"{type(self).__name__} has no {name!r} before reset(robot, task, dt), which comes first"
+        )
+
+    def _shown(self) -> Shown:
+        fields = dataclasses.fields(self.gains)
+        values = {field.name: getattr(self.gains, field.name) for field in fields}
+        defaults = type(self.gains)()
+        given = {name: v for name, v in values.items() if v != getattr(defaults, name)}
+        return Shown(line_of(type(self).__name__, self.name, given), values)

@@ -152,22 +152,6 @@ class TaskSpace:
             raise SingularityError(REASONS[status])
 
 
-def take_acceleration(measured: Array, z_dot: Array) -> None:
-    """Fill ``measured``, shape (nz,), with the z' that a law is given.
-
-    Raises:
-        UsageError: If that has another shape, or is no numbers.
-    """
-    try:
-        if len(z_dot) != len(measured):
-            raise ValueError
-        measured[:] = z_dot
-    except (TypeError, ValueError):
-        raise UsageError(
-            f"z_dot has shape {np.shape(z_dot)}; expected {measured.shape}, of numbers"
-        ) from None
-
-
 @kernel
 def tip_rates(
     J_f: Matrix, rate: Matrix, C: Matrix, q_dot: Vector, C_dot_z: Vector, J: Matrix, J_dot_z: Vector

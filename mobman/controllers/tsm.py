@@ -18,10 +18,13 @@ import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel, sequence
-from mobman.controllers.bounds import actuation_bound, inertia_bound, jacobian_bound
-from mobman.controllers.computed_bounds import computed_bounds
+from mobman.controllers.bounds import (
+    actuation_bound,
+    computed_bounds,
+    inertia_bound,
+    jacobian_bound,
+)
 from mobman.controllers.damped import Damping, damp
-from mobman.controllers.delay import UnderWay, automatic_metric_scale, predict_acceleration
 from mobman.controllers.gains import (
     Auto,
     CriterionGains,
@@ -36,17 +39,20 @@ from mobman.controllers.gains import (
     odd_ratio,
     whole,
 )
-from mobman.controllers.limits import (
+from mobman.controllers.motors import (
     Cap,
     Hedge,
     LimitedMotors,
     TorqueLimits,
+    UnderWay,
+    automatic_metric_scale,
     cap,
     caps_of,
     hedge,
     plain_limits,
+    predict_acceleration,
 )
-from mobman.controllers.protocol import DisplayedLaw, controllers
+from mobman.controllers.protocol import TaskSpaceLaw, controllers
 from mobman.controllers.task_errors import (
     Entry,
     Stop,
@@ -55,7 +61,6 @@ from mobman.controllers.task_errors import (
     desired,
     error,
     error_rate,
-    take_acceleration,
 )
 from mobman.controllers.unit_vector import explicit_unit_vector, implicit_unit_vector
 from mobman.errors import GainError
@@ -388,7 +393,7 @@ def in_force(gains: CascadeGains, dt: float, a: float, A: float, inverse: bool) 
 
 
 @controllers.register("tsm")
-class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
+class TerminalSlidingMode(LimitedMotors, TaskSpaceLaw):
     """Kinematic stage on the extended Jacobian's transpose, v_ref' = J^T u_ref (34)-(35); dynamic
     stage on the actuation matrix's transpose, v' = B^T u (55)-(56)."""
 
@@ -397,14 +402,11 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
     uses: tuple[str, ...] = ("z'", "M", "J'")
     signals_in_place = True
     extended = True
-    """True if e = (e^e, e^a) of (13) is driven to zero, the tip's errors and the criterion's
-    transversality conditions; False if it is e^e alone."""
     inverse_actuation = False
     """True if the dynamic stage uses B^-1, (65)-(66)."""
 
     def __init__(self, gains: CascadeGains) -> None:
-        self.gains = gains
-        self._settings: dict[str, Any] = as_settings(gains)
+        super().__init__(gains)
         self.uses = self.uses_with(self._settings)
 
     @classmethod
@@ -431,14 +433,15 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             limits = self.torque_limits(robot, gains.torque_limits)
             self._settings["torque_limits"] = plain_limits(limits)
         now, nz = space.now, robot.nz
-        self._now, self._z_dot = now, np.zeros(nz)
+        self._now, self._run, self._measured = now, now.run_inertia, np.zeros(nz)
         kinematic = self._kinematic = SlidingStage.of(
             gains, space.p, "lambda_0", "lambda_1", "lambda_2"
         )
         dynamic = self._dynamic = SlidingStage.of(gains, nz, "Lambda_0", "Lambda_1")
         held = self._held = Held(*np.zeros((5, nz)))
+        self._v = held.v
         k = in_force(gains, dt, a, A, self.inverse_actuation)
-        motion = (now.z, self._z_dot, now.M, now.B)
+        motion = (now.z, self._measured, now.M, now.B)
         entries = [
             now.inertia,
             *self._reference(robot, (k, kinematic, held, space.tracking, robot.q_rest)),
@@ -450,20 +453,6 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             given = (dt, limits, kinematic, held, space.J, *motion, Hedge.of(nz))
             entries.append(bind(hedge, *given))
         self._law = sequence(*entries)
-
-    def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
-        """The torque v for the tick, shape (nz,); see :class:`Controller`."""
-        now = self._now
-        self._space.at(t, q, z)
-        now.run_inertia()
-        take_acceleration(self._z_dot, z_dot)
-        if stop := self._law():
-            raise Stop(stop).error(self.extended)
-        return self._held.v.copy()
-
-    def settings(self) -> dict[str, Any]:
-        """The gains; after :meth:`reset`, with the numbers that "auto" became."""
-        return self._settings
 
     def reference(self) -> tuple[Array, Array]:
         """z and z' that the kinematic stage wants at the end of the tick, the integral of v_ref and
@@ -486,7 +475,7 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
             "sliding/G": dynamic.g,
             "sliding/n_d": dynamic.n,
             "sliding/v_dot": held.v_dot,
-            "sliding/z_dot": self._z_dot,
+            "sliding/z_dot": self._measured,
         }
 
     def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> list[Entry]:
@@ -503,8 +492,8 @@ class TerminalSlidingMode(LimitedMotors, DisplayedLaw):
         delay, now = self.gains.delay_ticks, self._now
         if not delay:
             return []
-        given = (self._held.v, now.M, now.B, self._z_dot, Stop.NOT_DEFINITE.value)
-        return [bind(predict_acceleration, UnderWay.of(delay, len(self._z_dot)), *given)]
+        given = (self._held.v, now.M, now.B, self._measured)
+        return [bind(predict_acceleration, UnderWay.of(delay, len(self._measured)), *given)]
 
     def _with_bounds(self, robot: MobileManipulator, task: Task) -> CascadeGains:
         """The gains, with the constants of the theorems computed where that is asked for."""

@@ -18,7 +18,7 @@ from mobman.controllers.baselines import (
     tracking_acceleration,
 )
 from mobman.controllers.gains import Positive, gain
-from mobman.controllers.limits import LimitedMotors, TorqueLimits, plain_limits
+from mobman.controllers.motors import LimitedMotors, TorqueLimits, plain_limits
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import Entry
 from mobman.errors import MobmanError, SingularityError

@@ -12,8 +12,7 @@ from support.command_line import mobman
 
 import mobman as mm
 from mobman.controllers import tsm
-from mobman.controllers.bounds import FLOOR, SPREAD
-from mobman.controllers.computed_bounds import PAPER, computed_bounds
+from mobman.controllers.bounds import FLOOR, PAPER, SPREAD, computed_bounds
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.tasks.task import task_map_of
@@ -123,7 +122,7 @@ def test_the_command_as_json_and_as_text(monkeypatch):
         given.append((robot.name, task.name))
         return bounds_of("youbot")
 
-    monkeypatch.setattr("mobman.controllers.computed_bounds.computed_bounds", known)
+    monkeypatch.setattr("mobman.controllers.bounds.computed_bounds", known)
     done = mobman("robots", "bounds", "youbot", "--json")
     assert done.returncode == 0, done.stderr
     content = json.loads(done.stdout)
@@ -146,9 +145,7 @@ def test_where_J_is_singular_it_is_said(monkeypatch):
     assert not bounds.regular
     assert bounds.found["a"] < FLOOR < bounds.sampled["a"]
     assert bounds.values["a"] == pytest.approx(bounds.sampled["a"] / 10.0)
-    monkeypatch.setattr(
-        "mobman.controllers.computed_bounds.computed_bounds", lambda robot, task: bounds
-    )
+    monkeypatch.setattr("mobman.controllers.bounds.computed_bounds", lambda robot, task: bounds)
     assert "No a > 0 holds" in mobman("robots", "bounds", "lekiwi_so101").stdout
 
 

@@ -7,7 +7,7 @@ import pytest
 from support.errors import largest_after
 
 import mobman as mm
-from mobman.controllers.delay import (
+from mobman.controllers.motors import (
     UnderWay,
     automatic_metric_scale,
     largest_eigenvalue,
@@ -78,7 +78,7 @@ def test_prediction_adds_what_is_under_way():
     for k, v in enumerate(torques):
         acting = torques[k - 2] if k >= 2 else np.zeros(3)
         z_dot = np.linalg.solve(M, B @ acting - bias)
-        assert predict_acceleration(under_way, v, M, B, z_dot, 1) == 0
+        assert predict_acceleration(under_way, v, M, B, z_dot) == 0
         assert np.allclose(z_dot, np.linalg.solve(M, B @ v - bias))
 
 

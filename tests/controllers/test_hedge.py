@@ -7,7 +7,7 @@ import pytest
 from support.states import random_states
 
 import mobman as mm
-from mobman.controllers.limits import Hedge, cap, hedge
+from mobman.controllers.motors import Hedge, cap, hedge
 from mobman.controllers.tsm import Held, SlidingGains, SlidingStage
 from mobman.errors import GainError
 from mobman.simulation.scenario import Scenario

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mobman as mm
-from mobman.controllers.limits import (
+from mobman.controllers.motors import (
     LimitedMotors,
     fit_torque,
     plain_limits,
