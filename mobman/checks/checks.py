@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +15,7 @@ from mobman.arrays import Array
 from mobman.errors import FOREIGN_ERRORS
 from mobman.model.build import assemble
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.task_map import TaskMap
 from mobman.registry import Registry
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.meshes import MeshReader, MeshReference, mesh_paths
@@ -32,32 +33,20 @@ class Finding:
     """Result of a check on a robot."""
 
     check: str
-    """The check's name."""
+    """The check's name, which :func:`run_checks` fills in."""
     status: Status
     """``"wrong"``: must be fixed; ``"warning"``: plausible, please verify."""
     found: str
     """Result in words, with numbers and units."""
-    fix: str
+    fix: str = ""
     """Remedy: which field or element of which file; empty where nothing is to be done."""
 
 
-class Remark(NamedTuple):
-    """A finding without the name of its check: what the functions that check give."""
-
-    status: Status
-    found: str
-    fix: str = ""
-    alone: bool = False
-    """True if it is left out where the check makes others."""
-
-
-ok = partial(Remark, "ok")
+ok = partial(Finding, "", "ok")
 """Nothing is to be done."""
-all_ok = partial(Remark, "ok", alone=True)
-"""Nothing is to be done, unless the check makes another remark."""
-warning = partial(Remark, "warning")
+warning = partial(Finding, "", "warning")
 """Plausible, to be verified."""
-wrong = partial(Remark, "wrong")
+wrong = partial(Finding, "", "wrong")
 """Must be fixed."""
 
 
@@ -68,7 +57,9 @@ def some(items: Iterable[str], joint: str = ", ") -> str:
     return joint.join(items[:_MOST_NAMED]) + more
 
 
-Function = Callable[["Subject"], Iterable[Remark]]
+Findings = Generator[Finding, None, str]
+"""What a check finds, and what it returns where that is nothing: what holds, with its numbers."""
+Function = Callable[["Subject"], Iterable[Finding]]
 
 
 class Check(NamedTuple):
@@ -86,7 +77,7 @@ checks: Registry[Check] = Registry("check", "mobman.checks", "mobman.checks")
 
 
 def check(name: str, meaning: str, *, simulates: bool = False) -> Callable[[Function], Function]:
-    """Decorator: register a function of a :class:`Subject` that gives remarks as a check."""
+    """Decorator: register a function of a :class:`Subject` that gives :data:`Findings` as a check."""
 
     def register(function: Function) -> Function:
         function.__doc__ = function.__doc__ or f"Check {name!r}: {meaning}."
@@ -117,20 +108,27 @@ def run_checks(
     subject = Subject(robot)
     found: list[Finding] = []
     for item in list_checks() if only is None else [checks.get(name) for name in sorted(only)]:
-        if item.simulates and not simulation:
-            continue
-        remarks: list[Remark] = []
-        try:
-            remarks.extend(item.function(subject))
-        except FOREIGN_ERRORS as error:  # what breaks one check must not hide what the others find
-            text = " ".join(str(error).split()) or "no message"
-            fix = f"look at what it looks at ({item.meaning}); where nothing is wrong there, the check"
-            remarks.append(
-                wrong(f"the check ended with {type(error).__name__}: {text}", f"{fix} is")
-            )
-        remarks = [mark for mark in remarks if not mark.alone or len(remarks) == 1]
-        found += [Finding(item.name, *mark[:3]) for mark in remarks or [ok(item.meaning)]]
+        if simulation or not item.simulates:
+            found += [replace(finding, check=item.name) for finding in _findings(item, subject)]
     return found
+
+
+def _findings(item: Check, subject: Subject) -> list[Finding]:
+    found: list[Finding] = []
+    holds = item.meaning
+
+    def each() -> Iterator[Finding]:
+        nonlocal holds
+        findings: Any = item.function(subject)
+        holds = (yield from findings) or holds
+
+    try:
+        found.extend(each())
+    except FOREIGN_ERRORS as error:  # what breaks one check must not hide what the others find
+        text = " ".join(str(error).split()) or "no message"
+        fix = f"look at what it looks at ({item.meaning}); where nothing is wrong there, the check"
+        found.append(wrong(f"the check ended with {type(error).__name__}: {text}", f"{fix} is"))
+    return found or [ok(holds)]
 
 
 # What the functions that check look at -----------------------------------------------------------------
@@ -220,6 +218,12 @@ class Subject:
             file = files.get(name, self._numbers)
             found[name] = Link(name, mass, com, moments, known, incomplete, file)
         return found
+
+    @property
+    def few(self) -> str:
+        """Reason why checks of the tip's motion do not apply, empty if they do."""
+        nz, m = self.robot.nz, TaskMap().m
+        return f"does not apply: {nz} degrees of freedom, fewer than the tip's {m}" * (nz < m)
 
     # Where things are at home
 

@@ -11,9 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
+from mobman.checks.checks import Finding, Findings, Subject, check, some, warning, wrong
 from mobman.model.posture_weights import conditioning, heading_weight
-from mobman.model.task_map import TaskMap
 from mobman.robots.infer.findings import MOST_REACH
 from mobman.robots.spec import DRIVEN
 from mobman.robots.urdf.compose import BASE_JOINTS
@@ -36,7 +35,7 @@ _LARGEST_STEP = 0.2  # rad or m an iteration
 
 
 @check("reach", "the tip starts in free space above the ground, and reaches the task 'circle'")
-def reach(subject: Subject) -> Iterator[Remark]:
+def reach(subject: Subject) -> Findings:
     yield from _start(subject)
     path = circle(subject)
     found = list(gaps(subject, path))
@@ -58,13 +57,13 @@ def reach(subject: Subject) -> Iterator[Remark]:
             f"choose another [rest] of {subject.name}, or give it a task of its own size",
         )
     tip = subject.robot.tip_pose(subject.home).translation
-    yield all_ok(
+    return (
         f"tip {tip[2]:.3g} m high at rest; sampled: {lowest:.3g} to {highest:.3g} m high, up to "
         f"{reached:.3g} m from the arm's first joint; the task 'circle' is within reach"
     )
 
 
-def _start(subject: Subject) -> Iterator[Remark]:
+def _start(subject: Subject) -> Iterator[Finding]:
     robot, tip = subject.robot, np.array(subject.robot.tip_pose(subject.home).translation)
     fix = f"choose another posture in [rest] of {subject.name}, or another 'arm.tip'"
     if len(robot.platform_index) > 0 and tip[2] < 0.0:
@@ -176,11 +175,10 @@ _SMALL = 0.5  # a platform that drives ought to get round a larger one
     f"a second of {_CONTROLLER!r} on the task {_TASK!r} brings the tip nearer",
     simulates=True,
 )
-def closed_loop(subject: Subject) -> Iterator[Remark]:
-    robot, m = subject.robot, TaskMap().m
-    if robot.nz < m:
-        yield ok(f"does not apply: {robot.nz} degrees of freedom, fewer than the tip's {m}")
-        return
+def closed_loop(subject: Subject) -> Findings:
+    robot = subject.robot
+    if few := subject.few:
+        return few
     # an arm that cannot drive rarely gets round the whole circle: then a smaller one
     paths = {scale: circle(subject, scale) for scale in _SCALES}
     scale = next((s for s in _SCALES if is_within_reach(subject, paths[s])), None)
@@ -188,12 +186,12 @@ def closed_loop(subject: Subject) -> Iterator[Remark]:
     if scale is None:
         smallest = f"even {_SCALES[-1]:g} times as large"
         yield warning(f"not run: the task {_TASK!r} is out of reach, {smallest}", fix)
-        return
+        return ""
     record = simulate(robot, _CONTROLLER, paths[scale], duration=_DURATION)
     path = f"{_TASK!r}" if scale == 1.0 else f"{_TASK!r}, {scale:g} times as large"
     if not record.ok:
         yield wrong(f"the run on {path} ended as {record.status} {record.message}", fix)
-        return
+        return ""
     if not all(np.all(np.isfinite(part)) for part in (record.q, record.z, record.torque)):
         yield wrong("the run has numbers that are not finite", fix)
     residual = record.metrics["constraint_residual"]
@@ -210,13 +208,13 @@ def closed_loop(subject: Subject) -> Iterator[Remark]:
             f"see what the check 'reach' says, and try another [rest] of {subject.name}",
         )
     yield from _efforts(subject, record)
-    yield all_ok(
+    return (
         f"{path}: the tip's error went from {first:.3g} to {last:.2g} m in 1 s; |A q'| "
         f"{residual:.1g} m/s; peak torque {np.abs(record.torque).max():.3g}"
     )
 
 
-def _efforts(subject: Subject, record: Record) -> Iterator[Remark]:
+def _efforts(subject: Subject, record: Record) -> Iterator[Finding]:
     """Joints whose motors would have to give more than they have."""
     robot, limits = subject.robot, subject.model.effortLimit
     states = zip(record.q, record.torque, strict=True)
@@ -243,12 +241,10 @@ _MINUTES = 120.0  # s
     f"the motion on the task {_TASK!r} leads to no singularity within {_MINUTES:g} s",
     simulates=True,
 )
-def fold(subject: Subject) -> Iterator[Remark]:
-    robot, m = subject.robot, TaskMap().m
-    if robot.nz < m:
-        yield ok(f"does not apply: {robot.nz} degrees of freedom, fewer than the tip's {m}")
-        return
-    found = predict_singularity(robot, circle(subject), duration=_MINUTES)
+def fold(subject: Subject) -> Findings:
+    if few := subject.few:
+        return few
+    found = predict_singularity(subject.robot, circle(subject), duration=_MINUTES)
     if found.singular is not None:
         yield warning(
             f"laws on the extended task (13) that follow the task {_TASK!r} become singular at "
@@ -256,9 +252,9 @@ def fold(subject: Subject) -> Iterator[Remark]:
             f"lower the weights of wheels and platform in [criterion] of {subject.name}, choose "
             "another posture in [rest], or a law without the extended Jacobian",
         )
-        return
+        return ""
     least = int(found.sigma.argmin())
-    yield all_ok(
+    return (
         f"{_MINUTES:g} s of the task {_TASK!r}: sigma_min(J) at least {found.sigma[least]:.2g}, at "
         f"t = {found.t[least]:.3g} s; sigma_min(J_e) at least {found.sigma_tip.min():.2g}"
     )
@@ -272,11 +268,10 @@ _POOR = 0.5  # of the conditioning that the rule gives
 
 
 @check("weights", "the criterion pulls at nothing that grows with the way, and is well conditioned")
-def weights(subject: Subject) -> Iterator[Remark]:
+def weights(subject: Subject) -> Findings:
     robot, base = subject.robot, subject.robot.platform.base_joints
     if not base:
-        yield ok("does not apply: the base is fixed")
-        return
+        return "does not apply: the base is fixed"
     own = dict(zip(robot.joint_names, robot.criterion_weights.tolist(), strict=True))
     rule, heading = heading_weight(robot), base[-1]
     grown = {wheel.joint: _WAY / wheel.radius for wheel in robot.platform.wheels}
@@ -300,7 +295,7 @@ def weights(subject: Subject) -> Iterator[Remark]:
             f"the heading's weight {own[heading]:g} could be {rule:g} for {best:.2g}",
             f"set 'heading' to {rule:g} in {where}",
         )
-    yield all_ok(
+    return (
         f"conditioning of the criterion in the tip's null space at rest: {found:.2g}; after {_WAY:g} m "
         f"the platform pulls as {max(pulls.values()) / arm:.1g} rad of the arm do"
     )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
+from mobman.checks.checks import Finding, Findings, Subject, check, some, warning, wrong
 from mobman.errors import SingularityError
 from mobman.model.build import assemble, not_coupled
 from mobman.model.criterion import Posture
@@ -22,12 +22,11 @@ _SLIP = 5e-3  # of the platform's speed (of the rim's, when it turns): what croo
 
 
 @check("constraints", "A N = 0 with full ranks, and wheels that roll where the platform goes")
-def constraints(subject: Subject) -> Iterator[Remark]:
+def constraints(subject: Subject) -> Findings:
     robot, residual = subject.robot, 0.0
     l, p = len(robot.platform_index), robot.n_alpha
     if l == 0:
-        yield ok("does not apply: the base is fixed")
-        return
+        return "does not apply: the base is fixed"
     ranks: dict[str, set[int]] = {"A": set(), "N": set()}
     for q, _ in subject.states(_STATES):
         x = q[robot.platform_index]
@@ -47,13 +46,13 @@ def constraints(subject: Subject) -> Iterator[Remark]:
             yield wrong(f"{name} has rank {listing} at random states; needed: {full}", fix)
     yield from _rolling(subject)
     wheels = ", ".join(f"{w.joint} (R = {w.radius:g} m)" for w in robot.platform.wheels)
-    yield all_ok(
+    return (
         f"A ({l - p} x {l}) of rank {l - p}, N ({l} x {p}) of rank {p}, |A N| below {residual:.1g} of "
         f"its terms; wheels: {wheels or 'none among the coordinates'}"
     )
 
 
-def _rolling(subject: Subject) -> Iterator[Remark]:
+def _rolling(subject: Subject) -> Iterator[Finding]:
     """Motion of the wheels' lowest points when the platform drives ahead, and when it turns."""
     robot, kind, up = subject.robot, subject.robot.spec.platform.type, np.array([0.0, 0.0, 1.0])
     if kind == "omnidirectional":  # rollers slide: their equations say how
@@ -97,7 +96,7 @@ _COUPLED = 10  # states
 
 
 @check("following", "joints that follow others (<mimic>) move with them, or are held off the way")
-def following(subject: Subject) -> Iterator[Remark]:
+def following(subject: Subject) -> Findings:
     robot, assembly = subject.robot, assemble(subject.robot.spec, subject.robot.urdf)
     above: dict[str, tuple[str, str]] = {}  # each link's joint and the link before it
     mimics = []
@@ -107,8 +106,7 @@ def following(subject: Subject) -> Iterator[Remark]:
         above[child] = (name, parent)
         mimics += [name] if joint.find("mimic") is not None else []
     if not mimics:
-        yield ok("does not apply: no joint follows another")
-        return
+        return "does not apply: no joint follows another"
     on_the_way, link = set[str](), robot.tip
     while link in above:
         joint_before, link = above[link]
@@ -132,7 +130,7 @@ def following(subject: Subject) -> Iterator[Remark]:
         for one in assembly.following
     ]
     said += [f"{some(map(repr, held))} held"] if held else []
-    yield all_ok("; ".join(said))
+    return "; ".join(said)
 
 
 # Criterion ---------------------------------------------------------------------------------------------
@@ -143,16 +141,14 @@ _TURN = 0.1  # rad: by which a coordinate is moved to see whether the platform t
 
 
 @check("criterion", "what steers the platform without moving the tip is coupled to something")
-def criterion(subject: Subject) -> Iterator[Remark]:
+def criterion(subject: Subject) -> Findings:
     robot, steering = subject.robot, _steering(subject)
     if not steering:
-        yield ok("does not apply: the platform has no steering that leaves the tip where it is")
-        return
+        return "does not apply: the platform has no steering that leaves the tip where it is"
     others = [i for i in range(robot.nq) if i not in steering]
     named = some(repr(robot.joint_names[i]) for i in steering)
     if np.any(robot.criterion_couplings[np.ix_(steering, others)] != 0.0):
-        yield ok(f"the steering ({named}) is coupled to other coordinates")
-        return
+        return f"the steering ({named}) is coupled to other coordinates"
     # the arm's first joint about the vertical at rest that moves the tip, or else its first joint
     supports = subject.model.supports[subject.model.getJointId(subject.carrier)]
     moving = {subject.model.joints[i].idx_q for i in supports}
@@ -164,6 +160,7 @@ def criterion(subject: Subject) -> Iterator[Remark]:
         f"couple them to {yaw!r} (or another joint of the arm) by 'couplings' in [criterion] "
         f"of {subject.name}: see docs/platforms.md#car-like",
     )
+    return ""
 
 
 def _steering(subject: Subject) -> list[int]:
@@ -202,17 +199,16 @@ _MANY = 0.25  # of the random postures
 
 
 @check("singularities", "the tip can be moved every way at rest, and the criterion tells the rest")
-def singularities(subject: Subject) -> Iterator[Remark]:
+def singularities(subject: Subject) -> Findings:
     robot, m = subject.robot, TaskMap().m
-    if robot.nz < m:
-        yield ok(f"does not apply: {robot.nz} degrees of freedom, fewer than the tip's {m}")
-        return
+    if few := subject.few:
+        return few
     states = [robot.q_rest, *(q for q, _ in subject.states(_POSTURES))]
     tips = [least_singular_value(robot.tip_jacobian(q)[:m] @ robot.velocity_map(q)) for q in states]
     remarks = list(_posture(subject, states, tips))
     yield from remarks
     if any(remark.status == "wrong" for remark in remarks):
-        return  # the extended Jacobian is singular with the tip's
+        return ""  # the extended Jacobian is singular with the tip's
     extended = ExtendedJacobian(robot, TaskMap(), Posture.of(robot))
     at_rest, *elsewhere = (_conditioning(extended, q, m) for q in states)
     share = float(np.mean(np.array(elsewhere) <= _UNEQUAL))
@@ -229,14 +225,14 @@ def singularities(subject: Subject) -> Iterator[Remark]:
             f"(conditioning below {_UNEQUAL:g})",
             fix,
         )
-    yield all_ok(
+    return (
         f"smallest singular value of the tip's Jacobian J_f C at rest: {tips[0]:.2g}; conditioning "
         f"of the extended Jacobian: {at_rest:.2g} at rest, {np.median(elsewhere):.2g} at random "
         "postures (median)"
     )
 
 
-def _posture(subject: Subject, states: list[Array], tips: list[float]) -> Iterator[Remark]:
+def _posture(subject: Subject, states: list[Array], tips: list[float]) -> Iterator[Finding]:
     """Check that the tip can be moved every way at rest, by all joints and by the arm's alone."""
     robot, m = subject.robot, TaskMap().m
     bend = "bend the elbow, keep axes from lining up"
@@ -295,7 +291,7 @@ _MAPS = (TaskMap(), TaskMap((0, 1, 2, 3, 4, 5)), TaskMap(axis=(0.0, 0.0, 1.0)))
 
 
 @check("derivatives", "Jacobians and rates agree with finite differences at random states")
-def derivatives(subject: Subject) -> Iterator[Remark]:
+def derivatives(subject: Subject) -> Findings:
     worst: dict[str, float] = {}
     for q, z in subject.states(_COMPARED):
         for name, error in _differences(subject, q, z):
@@ -309,8 +305,7 @@ def derivatives(subject: Subject) -> Iterator[Remark]:
             f"{subject.robot.spec.platform.type!r}) of {subject.name}, and that its numbers are of a "
             "size that doubles can carry",
         )
-    else:
-        yield ok(f"{', '.join(worst)}: agree to {max(worst.values()):.1g} or better")
+    return f"{', '.join(worst)}: agree to {max(worst.values()):.1g} or better"
 
 
 def _differences(subject: Subject, q: Array, z: Array) -> Iterator[tuple[str, float]]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from mobman.checks.checks import Remark, Subject, all_ok, check, ok, some, warning, wrong
+from mobman.checks.checks import Finding, Findings, Subject, check, ok, some, warning, wrong
 from mobman.model.platforms.platform import Wheel
 from mobman.model.platforms.wheels import AXIS_TOLERANCE
 from mobman.robots.infer.findings import MOST_RADIUS
@@ -27,11 +27,10 @@ _TILT = math.sin(math.radians(1.0))
 
 
 @check("ground", "all wheels stand on one ground, right and left, and nothing is below it")
-def ground(subject: Subject) -> Iterator[Remark]:
+def ground(subject: Subject) -> Findings:
     wheels = subject.robot.platform.wheels
     if len(subject.robot.platform_index) == 0:
-        yield ok("does not apply: the base is fixed: the ground is wherever its user has it")
-        return
+        return "does not apply: the base is fixed: the ground is wherever its user has it"
     heights: dict[str, list[str]] = {}  # wheels that do not stand on the ground, by their height
     for wheel in wheels:
         height = float(subject.centre(wheel.joint)[2]) - wheel.radius
@@ -60,10 +59,10 @@ def ground(subject: Subject) -> Iterator[Remark]:
     if lowest:
         name = min(lowest, key=lowest.__getitem__)
         said = f"lowest is link {name!r} at {round(1e3 * lowest[name], 1) + 0.0:g} mm"
-    yield all_ok(f"{standing}; {said if lowest else 'there is no geometry to look at'}")
+    return f"{standing}; {said if lowest else 'there is no geometry to look at'}"
 
 
-def _wheel(subject: Subject, wheel: Wheel) -> Iterator[Remark]:
+def _wheel(subject: Subject, wheel: Wheel) -> Iterator[Finding]:
     axis, y = subject.axis(wheel.joint), float(subject.centre(wheel.joint)[1])
     if abs(float(axis[2])) > _TILT:
         yield wrong(
@@ -88,7 +87,7 @@ def _wheel(subject: Subject, wheel: Wheel) -> Iterator[Remark]:
             )
 
 
-def _heights(subject: Subject, lowest: dict[str, float]) -> Iterator[Remark]:
+def _heights(subject: Subject, lowest: dict[str, float]) -> Iterator[Finding]:
     height = f"set field 'platform.height' of {subject.name} to the root link's height"
     by_type = {
         "unicycle": height,
@@ -125,9 +124,7 @@ _WRONG = 0.1  # of the radius
 
 
 @check("wheel-radius", "the wheels' radius is that of their geometry")
-def wheel_radius(subject: Subject) -> Iterator[Remark]:
-    if not subject.robot.platform.wheels:
-        yield ok("does not apply: no wheels among the platform's coordinates")
+def wheel_radius(subject: Subject) -> Findings:
     alike: dict[tuple[float, str], tuple[list[str], dict[Use, float]]] = {}
     for wheel in subject.robot.platform.wheels:
         sizes = {use: size for use in USES if (size := _measured(subject, wheel, use)) is not None}
@@ -157,6 +154,7 @@ def wheel_radius(subject: Subject) -> Iterator[Remark]:
             yield (wrong if gap > _WRONG * radius else warning)(found, fix)
         else:
             yield ok(found)
+    return "does not apply: no wheels among the platform's coordinates"
 
 
 def _measured(subject: Subject, wheel: Wheel, use: Use) -> float | None:
@@ -177,10 +175,9 @@ def _measured(subject: Subject, wheel: Wheel, use: Use) -> float | None:
 
 
 @check("meshes", "every mesh that the URDFs name is there, can be read and travels with them")
-def meshes(subject: Subject) -> Iterator[Remark]:
+def meshes(subject: Subject) -> Findings:
     if not subject.meshes:
-        yield ok("does not apply: the robot has no meshes")
-        return
+        return "does not apply: the robot has no meshes"
     named, reader = [mesh for mesh, _ in subject.meshes], subject.mesh_reader
     # the equations need no mesh, so that none of this is worse than a warning
     if missing := [mesh for mesh in named if mesh.path is None]:
@@ -201,7 +198,7 @@ def meshes(subject: Subject) -> Iterator[Remark]:
             _listed(outside, "outside the URDF's package"),
             "name these meshes by package://NAME/..., or relative to the URDF",
         )
-    yield all_ok(f"{len(paths)} files, all read")
+    return f"{len(paths)} files, all read"
 
 
 def _does_not_travel(mesh: MeshReference, urdf: UrdfFile) -> bool:
@@ -229,7 +226,7 @@ def _meshes(count: int) -> str:
 
 
 @check("urdf", "everything that the URDFs state is taken, or said to be left out")
-def urdf(subject: Subject) -> Iterator[Remark]:
+def urdf(subject: Subject) -> Findings:
     for file in subject.robot.urdf.files:
         for remark in file.remarks:
             yield warning(f"{file.path.name}, {remark}", "correct it there, if it is to be drawn")
@@ -238,4 +235,4 @@ def urdf(subject: Subject) -> Iterator[Remark]:
                 f"{file.path.name} gives damping or friction to {len(stated)} joints "
                 f"({some(stated)}): the equations leave them out, the scenario 'urdf-friction' has them"
             )
-    yield all_ok("nothing is left out")
+    return "nothing is left out"

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from mobman.arrays import Array
-from mobman.checks.checks import Link, Remark, Subject, all_ok, check, ok, some, warning, wrong
+from mobman.checks.checks import Finding, Findings, Link, Subject, check, ok, some, warning, wrong
 from mobman.checks.equations import derivative, relative
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.robots.urdf.shapes import bounds
@@ -26,7 +26,7 @@ _SPREAD = 1e10  # of effective inertias: torsos of 100 kg and fingers of grams a
 
 
 @check("inertias", "masses and inertias are those of bodies that can be")
-def inertias(subject: Subject) -> Iterator[Remark]:
+def inertias(subject: Subject) -> Iterator[Finding]:
     weighing = [link for link in subject.links.values() if link.mass]
     total = float(sum(link.mass or 0.0 for link in weighing))
     m = subject.robot.reduced_inertia(subject.robot.q_rest)
@@ -47,7 +47,7 @@ def _named(links: Iterable[Link]) -> str:
     return some(repr(link.name) for link in links)
 
 
-def _masses(subject: Subject, diagonal: Array) -> Iterator[Remark]:
+def _masses(subject: Subject, diagonal: Array) -> Iterator[Finding]:
     """Bodies that move and weigh nothing."""
     model, without = subject.model, {}
     for name in subject.robot.joint_names:
@@ -68,7 +68,7 @@ def _masses(subject: Subject, diagonal: Array) -> Iterator[Remark]:
         yield (wrong if suffers else warning)(f"moves without mass: {listing}{motors}", fix)
 
 
-def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Remark]:
+def _moments(subject: Subject, weighing: list[Link]) -> Iterator[Finding]:
     spoilt, lacking = set[str](), []
     for joint in subject.robot.joint_names:
         # links that are fixed to others make up one body with them: that is what moves
@@ -118,7 +118,7 @@ def _values(links: list[Link]) -> str:
     return some((f"link {link.name!r} ({moments})" for link, moments in named), "; ")
 
 
-def _distribution(weighing: list[Link], floor: float) -> Iterator[Remark]:
+def _distribution(weighing: list[Link], floor: float) -> Iterator[Finding]:
     """Densities, and centres of mass that are not in their link; of links of some mass (kg)."""
     heavy, light, outside = dict[str, Link](), dict[str, Link](), dict[str, Link]()
     for link in weighing:
@@ -150,7 +150,7 @@ def _distribution(weighing: list[Link], floor: float) -> Iterator[Remark]:
         )
 
 
-def _proportions(subject: Subject, total: float, m: Array) -> Iterator[Remark]:
+def _proportions(subject: Subject, total: float, m: Array) -> Iterator[Finding]:
     """The robot's mass, its wheels' over its chassis's, and the reduced inertia M at rest."""
     model, wheels = subject.model, subject.robot.platform.wheels
     if not _FEW <= total <= _MANY:
@@ -192,7 +192,7 @@ _EARTH = (9.0, 10.0)  # m/s^2
 
 
 @check("gravity", "gravity pulls down, and the motors can hold the rest posture")
-def gravity(subject: Subject) -> Iterator[Remark]:
+def gravity(subject: Subject) -> Findings:
     robot = subject.robot
     _, bias, b = robot.dynamics(robot.q_rest, np.zeros(robot.nz))
     holding: Array = robot.actuation(robot.q_rest) @ np.linalg.solve(b, bias)
@@ -230,10 +230,10 @@ def gravity(subject: Subject) -> Iterator[Remark]:
             f"the masses behind them in {subject.files}",
         )
     name = max(arm, key=lambda name: arm[name][0])
-    yield all_ok(f"held at rest by at most {arm[name][0]:.3g} {units[name]}, of joint {name!r}")
+    return f"held at rest by at most {arm[name][0]:.3g} {units[name]}, of joint {name!r}"
 
 
-def _gradient(subject: Subject) -> Iterator[Remark]:
+def _gradient(subject: Subject) -> Iterator[Finding]:
     robot, worst, data = subject.robot, 0.0, subject.model.createData()
 
     def potential(q: Array, q_dot: Array, s: float) -> Array:
@@ -263,19 +263,19 @@ _STEEP = 1e6  # times the entries of N at rest: a singularity
 
 
 @check("limits", "limits are there, in radians and metres, and the rest posture is inside them")
-def limits(subject: Subject) -> Iterator[Remark]:
+def limits(subject: Subject) -> Findings:
     model = subject.model
     bounds = zip(model.lowerPositionLimit.tolist(), model.upperPositionLimit.tolist(), strict=True)
     ends = dict(zip(subject.robot.joint_names, bounds, strict=True))
     for part in (_rest, _missing, _units, _steering):
         yield from part(subject, ends)
-    yield all_ok("positions, velocities and efforts are limited, and rest is inside")
+    return "positions, velocities and efforts are limited, and rest is inside"
 
 
 _Ends = dict[str, tuple[float, float]]  # position limits by joint (m, rad)
 
 
-def _rest(subject: Subject, ends: _Ends) -> Iterator[Remark]:
+def _rest(subject: Subject, ends: _Ends) -> Iterator[Finding]:
     near, rests = [], subject.robot.q_rest.tolist()
     for (name, (lower, upper)), rest in zip(ends.items(), rests, strict=True):
         span, margin = upper - lower, min(rest - lower, upper - rest)
@@ -298,7 +298,7 @@ def _rest(subject: Subject, ends: _Ends) -> Iterator[Remark]:
         )
 
 
-def _missing(subject: Subject, ends: _Ends) -> Iterator[Remark]:
+def _missing(subject: Subject, ends: _Ends) -> Iterator[Finding]:
     robot, model = subject.robot, subject.model
     driven = np.any(robot.actuation(robot.q_rest) != 0.0, axis=1)  # front wheels of cars are not
     without = (*BASE_JOINTS, *robot.platform.virtual_joints)
@@ -317,7 +317,7 @@ def _missing(subject: Subject, ends: _Ends) -> Iterator[Remark]:
             )
 
 
-def _units(subject: Subject, ends: _Ends) -> Iterator[Remark]:
+def _units(subject: Subject, ends: _Ends) -> Iterator[Finding]:
     robot = subject.robot
     wheels = {wheel.joint for wheel in robot.platform.wheels}
     for i, (name, both) in enumerate(ends.items()):
@@ -345,7 +345,7 @@ def _units(subject: Subject, ends: _Ends) -> Iterator[Remark]:
             )
 
 
-def _steering(subject: Subject, ends: _Ends) -> Iterator[Remark]:
+def _steering(subject: Subject, ends: _Ends) -> Iterator[Finding]:
     platform, x = subject.robot.platform, subject.robot.q_rest[subject.robot.platform_index]
     across = np.where(np.isin(platform.coordinates, subject.steering), 0.5 * math.pi, x)
     sizes = [float(np.abs(platform.velocity_map(at)).max(initial=0.0)) for at in (x, across)]

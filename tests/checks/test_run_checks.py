@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import mobman as mm
-from mobman.checks.checks import Check, all_ok, checks, list_checks, ok, run_checks, warning
+from mobman.checks.checks import Check, checks, list_checks, ok, run_checks, warning
 from mobman.errors import UnknownNameError
 
 KINDS = {
@@ -64,8 +64,12 @@ def test_check_that_finds_nothing_is_fine(youbot, registered):
 
 
 def test_that_all_is_well_is_said_alone(youbot, registered):
-    registered("well", lambda subject: [all_ok("all is well")])
-    registered("nearly", lambda subject: [warning("odd", "look"), all_ok("all is well")])
+    def told(*found):
+        yield from found
+        return "all is well"
+
+    registered("well", lambda subject: told())
+    registered("nearly", lambda subject: told(warning("odd", "look")))
     findings = run_checks(youbot, only=["well", "nearly"])
     assert [(item.check, item.status, item.found, item.fix) for item in findings] == [
         ("nearly", "warning", "odd", "look"), ("well", "ok", "all is well", ""),
