@@ -65,9 +65,7 @@ class Adaptive(StillAtLimits):
 
     While a torque is beyond a limit that acts, theta stands still and z_r is z.
 
-    J.-J. E. Slotine, W. Li, "On the adaptive control of robot manipulators", International Journal of
-    Robotics Research 6(3), 1987; the same, "Adaptive manipulator control: a case study", IEEE
-    Transactions on Automatic Control 33(11), 1988.
+    Slotine and Li 1987 and 1988.
 
     Attributes:
         theta: Estimate, ten parameters a body in Pinocchio's order, shape (10 bodies,).

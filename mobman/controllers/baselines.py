@@ -1,5 +1,6 @@
 """The baselines: resolved acceleration and computed torque, ``pseudo-inverse``,
-``damped-least-squares`` and ``extended-jacobian``."""
+``damped-least-squares`` and ``extended-jacobian``. What laws are from is cited by author and year;
+``docs/controllers.md`` has the references."""
 
 from __future__ import annotations
 

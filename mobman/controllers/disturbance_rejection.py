@@ -86,10 +86,9 @@ class ComputedTorqueIntegral(StillAtLimits):
     .. math:: \dot z = J^{-1}(\ddot p_d - K_v \dot e - K_p e - K_i \int e\,dt - \dot J z),
         \quad B v = M \dot z + Pz + G.
 
-    F. L. Lewis, D. M. Dawson, C. T. Abdallah, "Robot Manipulator Control: Theory and Practice",
-    Marcel Dekker 2004, section 4.4 (PID outer loop).
-
     The integral stands still while a torque is beyond a limit that acts.
+
+    Lewis, Dawson and Abdallah 2004, section 4.4 (PID outer loop).
     """
 
     name = "computed-torque-integral"
@@ -151,10 +150,7 @@ class TimeDelayControl(ComputedTorqueIntegral):
 
     Torques are cut at the limits that act: the next increment starts from what acted.
 
-    K. Youcef-Toumi, O. Ito, "A time delay controller for systems with unknown dynamics", ASME Journal
-    of Dynamic Systems, Measurement, and Control 112(1), 1990; T. C. Hsia, L. S. Gao, "Robot
-    manipulator control using decentralized linear time-invariant time-delayed joint controllers",
-    IEEE International Conference on Robotics and Automation, 1990.
+    Youcef-Toumi and Ito 1990; Hsia and Gao 1990.
     """
 
     name = "time-delay"
@@ -224,10 +220,7 @@ class DisturbanceObserver(StillAtLimits):
     of the low pass the observer is stable at every ``dt``. A tick in which a torque was beyond a limit
     that acts tells it nothing.
 
-    K. Ohnishi, M. Shibata, T. Murakami, "Motion control for advanced mechatronics", IEEE/ASME
-    Transactions on Mechatronics 1(1), 1996; W.-H. Chen, D. J. Ballance, P. J. Gawthrop, J. O'Reilly, "A
-    nonlinear disturbance observer for robotic manipulators", IEEE Transactions on Industrial
-    Electronics 47(4), 2000.
+    Ohnishi, Shibata and Murakami 1996; Chen, Ballance, Gawthrop and O'Reilly 2000.
     """
 
     name = "disturbance-observer"

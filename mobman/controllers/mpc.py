@@ -77,10 +77,7 @@ class PredictiveControl(LimitedProgram):
     solution, a period later (real-time iteration). The torques' limits are those at the present M and
     bias; the first interval's are hard, all others soft. A solution takes no simulated time.
 
-    M. Diehl, H. G. Bock, J. P. Schloder, "A real-time iteration scheme for nonlinear optimization in
-    optimal feedback control", SIAM Journal on Control and Optimization 43(5), 2005; J. Pankert,
-    M. Hutter, "Perceptive model predictive control for continuous mobile manipulation", IEEE Robotics
-    and Automation Letters 5(4), 2020.
+    Diehl, Bock and Schloder 2005; Pankert and Hutter 2020.
     """
 
     name = "mpc"

@@ -80,10 +80,7 @@ class FirstOrderSliding(ExtendedJacobianControl):
     more than 10 g to the task, and the layer is as thin as the sampling allows without chattering:
     five ticks of :math:`\rho`, so that the pole is at -200 /s for 1 kHz.
 
-    S. Gutman, "Uncertain dynamical systems: a Lyapunov min-max approach", IEEE Transactions on Automatic
-    Control 24(3), 1979; M. J. Corless, G. Leitmann, "Continuous state feedback guaranteeing uniform
-    ultimate boundedness for uncertain dynamic systems", the same 26(5), 1981; J.-J. E. Slotine, W. Li,
-    "Applied Nonlinear Control", Prentice Hall 1991, chapter 7.
+    Gutman 1979; Corless and Leitmann 1981; Slotine and Li 1991, chapter 7.
     """
 
     name = "first-order-sliding"
@@ -145,11 +142,7 @@ class SuperTwisting(StillAtLimits):
     of the width :math:`4 k_2 dt^2`. Without the ramp w is a tick behind, with the poles of the sampled
     loop on the unit circle.
 
-    A. Levant, "Sliding order and sliding accuracy in sliding mode control", International Journal of
-    Control 58(6), 1993; J. A. Moreno, M. Osorio, "Strict Lyapunov functions for the super-twisting
-    algorithm", IEEE Transactions on Automatic Control 57(4), 2012; B. Brogliato, A. Polyakov, D. Efimov,
-    "The implicit discretization of the supertwisting sliding-mode control algorithm", the same 65(8),
-    2020.
+    Levant 1993; Moreno and Osorio 2012; sampled: Brogliato, Polyakov and Efimov 2020.
     """
 
     name = "super-twisting"

@@ -60,12 +60,7 @@ class TaskPriority(ResolvedAcceleration):
     projector of the secondary task is that of the exact :math:`J^+`, so that it never moves the tip, nor
     is it inverted: there are no algorithmic singularities.
 
-    S. Chiaverini, "Singularity-robust task-priority redundancy resolution for real-time kinematic
-    control of robot manipulators", IEEE Transactions on Robotics and Automation 13(3), 1997;
-    A. A. Maciejewski, C. A. Klein, "Numerical filtering for the operation of robotic manipulators
-    through kinematically singular configurations", Journal of Robotic Systems 5(6), 1988; A. Liegeois,
-    "Automatic supervisory control of the configuration and behavior of multibody mechanisms", IEEE
-    Transactions on Systems, Man, and Cybernetics 7(12), 1977.
+    Chiaverini 1997; the damping: Maciejewski and Klein 1988; the limits: Liegeois 1977.
     """
 
     name = "task-priority"

@@ -127,14 +127,8 @@ class WholeBodyQP(LimitedProgram):
     of velocities and positions are soft, with a large weight, so that there is always a solution; where
     the two contradict each other, that of the velocity counts.
 
-    L. Sentis, O. Khatib, "Synthesis of whole-body behaviors through hierarchical control of behavioral
-    primitives", International Journal of Humanoid Robotics 2(4), 2005; A. Escande, N. Mansard,
-    P.-B. Wieber, "Hierarchical quadratic programming: fast online humanoid-robot motion generation",
-    International Journal of Robotics Research 33(7), 2014; A. Del Prete, "Joint position and velocity
-    bounds in discrete-time acceleration/torque control of robot manipulators", IEEE Robotics and
-    Automation Letters 3(1), 2018; D. Arnstrom, A. Bemporad, D. Axehill, "A dual active-set solver for
-    embedded quadratic programming using recursive LDL^T updates", IEEE Transactions on Automatic
-    Control 67(8), 2022, which is the solver.
+    Sentis and Khatib 2005; Escande, Mansard and Wieber 2014; the bounds: Del Prete 2018; the solver:
+    Arnstrom, Bemporad and Axehill 2022.
     """
 
     name = "whole-body-qp"
