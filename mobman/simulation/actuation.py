@@ -90,6 +90,7 @@ class ActuationChain:
         return self.split * self.early + (1.0 - self.split) * self.late
 
 
+@actuations.register("delay")
 class Delay(Piece):
     """The command acts so much later, whether or not that is a whole number of ticks; v = 0
     until the first command has arrived."""
@@ -141,6 +142,7 @@ class TorqueLevel(Piece):
         return level
 
 
+@actuations.register("saturation")
 class Saturation(TorqueLevel):
     """Each motor's torque stays between minus and plus its level."""
 
@@ -149,6 +151,7 @@ class Saturation(TorqueLevel):
         return _Clip(level) if np.isfinite(level).any() else None
 
 
+@actuations.register("rate-limit")
 class RateLimit(TorqueLevel):
     """Each motor's torque changes by at most dt / ``rise_time`` of its level from tick to tick."""
 
@@ -161,6 +164,7 @@ class RateLimit(TorqueLevel):
         return _Follow(step) if np.isfinite(level).any() else None
 
 
+@actuations.register("gain")
 class MotorGains(Piece):
     """Each motor's torque over the commanded one, fixed or at random: B of (17) scaled by motor."""
 
@@ -204,9 +208,3 @@ class _Scaled(Stage):
 
     def apply(self, torque: Array) -> Array:
         return self._factor * torque
-
-
-actuations.register("delay", Delay)
-actuations.register("gain", MotorGains)
-actuations.register("rate-limit", RateLimit)
-actuations.register("saturation", Saturation)

@@ -56,6 +56,7 @@ class Ridge(Strict):
     """On the ground (m)."""
 
 
+@plants.register("mujoco")
 class MuJoCo(mjcf.Ground):
     """The robot as a MuJoCo model whose wheels roll by friction, on springs and dampers.
 
@@ -460,6 +461,3 @@ class ContactPlant(Plant):
         recorded.base[1] = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
         recorded.base[2] = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
         recorded.tip[:] = data.site_xpos[self._tip]
-
-
-plants.register("mujoco", MuJoCo)

@@ -57,6 +57,7 @@ class Amplitude(Piece):
         )
 
 
+@disturbances.register("constant")
 class Constant(Amplitude):
     """The amplitude on every motor's axis, from the start on."""
 
@@ -65,6 +66,7 @@ class Constant(Amplitude):
         return lambda t: torque
 
 
+@disturbances.register("growing")
 class Growing(Amplitude):
     """Amplitude times (t / ``time``)^``power`` on every motor's axis, its sign at random.
 
@@ -84,6 +86,7 @@ class Growing(Amplitude):
         return lambda t: torque * np.float64(t / self.time) ** self.power
 
 
+@disturbances.register("noise")
 class BandNoise(Amplitude):
     """The sum of 64 sinusoids, one at random in each 64th of the ``band``, phases at random: the
     amplitude is its root mean square, on every motor's axis its own noise.
@@ -110,6 +113,7 @@ class BandNoise(Amplitude):
         return lambda t: np.asarray(tone * np.sin(rate * t + phase).sum(axis=1))
 
 
+@disturbances.register("sinusoid")
 class Sinusoid(Amplitude):
     """Amplitude times sin(2 pi ``frequency`` t + phase) on every motor's axis, phases at random."""
 
@@ -123,6 +127,7 @@ class Sinusoid(Amplitude):
         return lambda t: np.asarray(torque * np.sin(rate * t + phase))
 
 
+@disturbances.register("steps")
 class RandomSteps(Amplitude):
     """Levels at random between minus and plus the amplitude, a new one on every motor's axis at each
     ``interval``; 0 before the first."""
@@ -141,13 +146,6 @@ class RandomSteps(Amplitude):
             return levels[index]
 
         return at
-
-
-disturbances.register("constant", Constant)
-disturbances.register("growing", Growing)
-disturbances.register("noise", BandNoise)
-disturbances.register("sinusoid", Sinusoid)
-disturbances.register("steps", RandomSteps)
 
 
 # Friction ---------------------------------------------------------------------------------------------
@@ -178,6 +176,7 @@ class FrictionLevel(Amplitude):
         return value
 
 
+@frictions.register("coulomb")
 class Coulomb(FrictionLevel):
     """The amplitude against the motion, as amplitude x tanh(rate / ``velocity``).
 
@@ -193,6 +192,7 @@ class Coulomb(FrictionLevel):
         return Resistance(lambda rate, torque: bind(_coulomb, level, v, rate, torque), level / v)
 
 
+@frictions.register("viscous")
 class Viscous(FrictionLevel):
     """The amplitude is that at 1 rad/s (1 m/s)."""
 
@@ -201,6 +201,7 @@ class Viscous(FrictionLevel):
         return Resistance(lambda rate, torque: bind(_viscous, slope, rate, torque), slope)
 
 
+@frictions.register("urdf")
 class UrdfFriction(Piece):
     r"""``<dynamics damping="b" friction="c">`` of every joint that moves.
 
@@ -252,8 +253,3 @@ def _brake(
         braked = damping[i] * own + dry[i] * math.tanh(own / velocity)
         for j in range(rate.shape[0]):
             torque[j] -= share[i, j] * braked
-
-
-frictions.register("coulomb", Coulomb)
-frictions.register("urdf", UrdfFriction)
-frictions.register("viscous", Viscous)

@@ -22,6 +22,7 @@ inertias = types_of("type of inertias", "mobman.inertias")
 """Types of differences; each starts as a :data:`Change`."""
 
 
+@inertias.register("links")
 class Links(Piece):
     """Factors of the masses and inertias of some links, fixed or at random, and their balance.
 
@@ -99,6 +100,7 @@ def bodies_named(
     return chosen
 
 
+@inertias.register("payload")
 class Payload(Piece):
     """A rigid body that is fixed to the tip, of which the controller does not know."""
 
@@ -176,7 +178,3 @@ def true_robot(
 def _add_to_tip(model: pin.Model, robot: MobileManipulator, load: pin.Inertia) -> None:
     tip = model.frames[robot.tip_frame]
     model.appendBodyToJoint(tip.parentJoint, load, tip.placement)
-
-
-inertias.register("links", Links)
-inertias.register("payload", Payload)

@@ -53,6 +53,7 @@ class _Joints(Piece):
         raise NotImplementedError
 
 
+@kinematics.register("links")
 class LinkLengths(_Joints):
     """Factors of the links' lengths: of how far each joint of the arm is from the one before it.
 
@@ -69,6 +70,7 @@ class LinkLengths(_Joints):
         place.translation = self.factor * (1.0 + self.spread * draw) * place.translation
 
 
+@kinematics.register("zeros")
 class Zeros(_Joints):
     """Other zeros of the arm's joints than those that the controller supposes."""
 
@@ -82,6 +84,7 @@ class Zeros(_Joints):
         model.jointPlacements[joint] = model.jointPlacements[joint] * pin.exp6(twist)
 
 
+@kinematics.register("tool")
 class Tool(Piece):
     """Another place of the tip on the link that carries it."""
 
@@ -105,6 +108,7 @@ class Tool(Piece):
         return remake
 
 
+@kinematics.register("wheels")
 class Wheels(Piece):
     """Another radius and another track of the platform's wheels, on platforms that have them.
 
@@ -256,9 +260,3 @@ class MeasuredTip:
             rate[3:6] = self._turn @ rate[3:6]
             place[3:6] = self._turn @ place[3:6]
             rate[3:6] += np.cross(self._spin, place[3:6])
-
-
-kinematics.register("links", LinkLengths)
-kinematics.register("tool", Tool)
-kinematics.register("wheels", Wheels)
-kinematics.register("zeros", Zeros)

@@ -8,10 +8,10 @@ may do so, a new one too, and so may a script.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
@@ -37,6 +37,19 @@ class Setting:
         """Effective inertia at each motor at ``q_rest`` (kg m^2, kg), shape (nz,)."""
         return self.robot.motor_inertia(self.robot.q_rest)
 
+    def of_piece(self, name: str, position: int) -> Setting:
+        """The setting of a piece by the name of its group and type, so many of which come before.
+
+        Its generator depends on the run's seed, on the name and on that number: pieces of other types
+        and groups may be added or left out without any change to the others. This setting's own
+        generator is not drawn from.
+        """
+        root: Any = self.random.bit_generator.seed_seq
+        # the whole name, so that no two share a number
+        key = (*root.spawn_key, int.from_bytes(name.encode(), "little"), position)
+        own = np.random.SeedSequence(root.entropy, spawn_key=key)
+        return Setting(self.robot, self.dt, np.random.default_rng(own))
+
 
 class Piece(Strict):
     """Base of the types: its fields are their parameters.
@@ -45,6 +58,17 @@ class Piece(Strict):
     """
 
     model_config = ConfigDict(strict=True)
+    _type: str = PrivateAttr("")
+
+    @property
+    def type(self) -> str:
+        """The name by which a scenario has its type; empty for one that was made in Python."""
+        return self._type
+
+    def of_type(self, name: str) -> Self:
+        """The piece itself, as one of a type of this name."""
+        self._type = name
+        return self
 
     def start(self, setting: Setting) -> Any:
         """Start one run: the effect, of the kind that the type's group needs; None if there is none.

@@ -6,12 +6,13 @@ import os
 from collections import Counter
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
-    ConfigDict,
+    BeforeValidator,
     Field,
+    PlainSerializer,
     SerializerFunctionWrapHandler,
     ValidationError,
     ValidationInfo,
@@ -52,80 +53,34 @@ MOST_PIECES = 100
 Number = Annotated[float, Field(strict=True)]
 
 
-class _Fields(dict[str, Any]):
-    """The fields of a piece as they were given, and the scenario's field that it stands in."""
-
-    group: str
-
-    @classmethod
-    def of(cls, group: str, fields: dict[str, Any]) -> Self:
-        """A copy of fields, with their group."""
-        made = cls(fields)
-        made.group = group
-        return made
+def _read(given: Any, info: ValidationInfo) -> Any:
+    if isinstance(given, Piece) and not given.type:
+        raise ValueError("must be a table with a 'type'")
+    return _piece_of(str(info.field_name), given) if isinstance(given, dict) else given
 
 
-class Source(Strict):
-    """A piece as a scenario holds it: its type, and the type's own fields, which the type checks.
+def _stored(piece: Piece) -> dict[str, Any]:
+    """All fields of a piece, with its type: those left out too, so that a stored scenario says all."""
+    return {"type": piece.type, **piece.model_dump(mode="json", exclude_none=True)}
 
-    Fields that were left out are there with their defaults once it is read, so that a stored scenario
-    says all.
+
+OnePiece = Annotated[Piece, BeforeValidator(_read), PlainSerializer(_stored)]
+"""A table with a ``type``, and the type's own fields."""
+Pieces = Annotated[list[OnePiece], Field(max_length=MOST_PIECES)]
+
+
+def _piece_of(group: str, table: dict[str, Any]) -> Piece:
+    """The piece of a table, of its type's class.
+
+    Raises:
+        ValueError: If its type is missing or unknown, or one of its fields is wrong.
     """
-
-    model_config = ConfigDict(extra="allow")
-
-    type: str
-    group: str = Field(exclude=True)
-    """The scenario's field."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _placed(cls, fields: Any) -> Any:
-        if isinstance(fields, _Fields):
-            if "group" in fields:
-                raise ValueError("field 'group' is unknown")
-            return {**fields, "group": fields.group}
-        return fields
-
-    @model_validator(mode="after")
-    def _valid(self) -> Self:
-        piece = self.resolved()  # reported when it is read, not when it is used
-        fields = self.__pydantic_extra__
-        if fields is not None:
-            fields.clear()
-            fields.update(piece.model_dump(mode="json", exclude_none=True))
-        return self
-
-    def resolved(self) -> Piece:
-        """The piece itself, of its type's class.
-
-        Raises:
-            UnknownNameError: If its type is unknown.
-            SpecError: If one of its fields is wrong.
-        """
-        what, kinds = GROUPS[self.group]
-        given = dict(self.__pydantic_extra__ or {})
-        return validate(kinds.get(self.type), given, f"{what} {self.type!r}")
-
-    def started(self, setting: Setting, position: int) -> Any:
-        """Start the piece, so many of whose group and type come before; see :class:`Piece`.
-
-        Its generator depends on the run's seed, on the group and the type, and on that number: pieces of
-        other types and groups may be added or left out without any change to the others. The setting's
-        own generator is not drawn from.
-
-        Raises:
-            SpecError: If it does not fit the robot; the message names it.
-        """
-        root: Any = setting.random.bit_generator.seed_seq
-        # the whole name, so that no two share a number
-        name = int.from_bytes(f"{self.group}/{self.type}".encode(), "little")
-        own = np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, name, position))
-        try:
-            random = np.random.default_rng(own)
-            return self.resolved().start(Setting(setting.robot, setting.dt, random))
-        except SpecError as error:
-            raise SpecError(f"{GROUPS[self.group][0]} {self.type!r}: {error}") from error
+    (what, types), name = GROUPS[group], str(table.get("type", ""))
+    if not name:
+        listing = ", ".join(map(repr, types.names()))
+        raise ValueError(f"field 'type' is missing; allowed: one of {listing}")
+    fields = {field: value for field, value in table.items() if field != "type"}
+    return validate(types.get(name), fields, f"{what} {name!r}").of_type(name)
 
 
 class Scenario(Displayed, Strict):
@@ -153,28 +108,28 @@ class Scenario(Displayed, Strict):
     """True rotational inertia of every link over the nominal one; the mass factor by default."""
     payload: Number = Field(0.0, ge=0)
     """Point mass at the tip that the controller does not know (kg)."""
-    kinematics: list[Source] = Field([], max_length=MOST_PIECES)
+    kinematics: Pieces = []
     """Wrong dimensions: J, and N of the platform; one after the other."""
     tip: Literal["modelled", "measured"] = "modelled"
     """A law's knowledge of its tip: its model at the measured q and z, or the true tip's position and
     velocity; its Jacobian is the model's in either case."""
-    inertias: list[Source] = Field([], max_length=MOST_PIECES)
+    inertias: Pieces = []
     """More of the kind, one after the other, before the payload."""
-    friction: list[Source] = Field([], max_length=MOST_PIECES)
+    friction: Pieces = []
     """On the motors' axes; they add up."""
-    disturbances: list[Source] = Field([], max_length=MOST_PIECES)
+    disturbances: Pieces = []
     """Torques added to the motors'; D = -B d in (17)."""
-    actuation: list[Source] = Field([], max_length=MOST_PIECES)
+    actuation: Pieces = []
     """From the commanded torque to the one that acts, in the order of the signal."""
-    sensors: list[Source] = Field([], max_length=MOST_PIECES)
+    sensors: Pieces = []
     """Errors of q, z and z', in the order in which they happen."""
-    acceleration: str | Source = "exact"
+    acceleration: str | OnePiece = "exact"
     """Estimator of z': ``"exact"``, ``"backward-difference"``, or a table with a type."""
-    slip: list[Source] = Field([], max_length=MOST_PIECES)
+    slip: Pieces = []
     """Velocities of the platform's pose in addition to that of rolling; they add up."""
-    stops: list[Source] = Field([], max_length=MOST_PIECES)
+    stops: Pieces = []
     """Forces that keep joints from leaving their limits; they add up."""
-    plant: str | Source = "ideal"
+    plant: str | OnePiece = "ideal"
     """``"ideal"``, where wheels roll by construction, or a table with a type."""
     start_offset: Number = Field(0.0, ge=0)
     """Distance of the platform behind the start that the task is made for (m), along its heading; a
@@ -203,30 +158,19 @@ class Scenario(Displayed, Strict):
                 merged[name] = merged[name] + value if lists else value
         return {**merged, "extends": []}
 
-    @field_validator(*list(GROUPS)[:-2], mode="before")
-    @classmethod
-    def _pieces(cls, value: Any, info: ValidationInfo) -> Any:
-        if not isinstance(value, (list, tuple)):
-            return value
-        group = str(info.field_name)
-        return [_Fields.of(group, one) if isinstance(one, dict) else one for one in value]
-
     @field_validator("acceleration", "plant", mode="before")
     @classmethod
-    def _single(cls, value: Any, info: ValidationInfo) -> Source | str:
+    def _single(cls, value: Any, info: ValidationInfo) -> Piece | str:
         """A piece by the name of its type, if it needs no parameters, or as a table."""
-        if isinstance(value, Source):
+        if isinstance(value, Piece):
             return value
-        what, kinds = GROUPS[str(info.field_name)]
-        fields = {"type": value} if isinstance(value, str) else value
-        names = kinds.names()
-        if not isinstance(fields, dict) or fields.get("type") not in names:
+        table = {"type": value} if isinstance(value, str) else value
+        names = GROUPS[str(info.field_name)][1].names()
+        if not isinstance(table, dict) or table.get("type") not in names:
             choices = ", ".join(map(repr, names))
             raise ValueError(f"must be one of {choices}, or a table with such a 'type'")
-        parameters = {name: given for name, given in fields.items() if name != "type"}
-        validate(kinds.get(fields["type"]), parameters, f"{what} {fields['type']!r}")
-        source = Source.model_validate(_Fields.of(str(info.field_name), fields))
-        return source if source.__pydantic_extra__ else source.type
+        piece = _piece_of(str(info.field_name), table)
+        return piece if piece.model_dump(exclude_none=True) else piece.type
 
     @field_validator("extends")
     @classmethod
@@ -249,16 +193,16 @@ class Scenario(Displayed, Strict):
         line = line_of("Scenario", self.name, given)
         return Shown(line, {"description": self.description, **given})
 
-    def types(self) -> list[type[Piece]]:
-        """The types of its pieces."""
-        every = (one for group in GROUPS for one in self._sources(group))
-        return [GROUPS[one.group][1].get(one.type) for one in every]
-
-    def _sources(self, group: str) -> list[Source]:
+    def pieces(self, group: str) -> list[Piece]:
+        """The pieces in one of :data:`GROUPS`."""
         own = getattr(self, group)
         if isinstance(own, list):
             return own
-        return [own if isinstance(own, Source) else Source(type=own, group=group)]
+        return [_piece_of(group, {"type": own}) if isinstance(own, str) else own]
+
+    def types(self) -> list[type[Piece]]:
+        """The types of its pieces."""
+        return [type(piece) for group in GROUPS for piece in self.pieces(group)]
 
     # Parts of a run. Each takes its setting, and raises SpecError if a piece does not fit the robot.
 
@@ -266,12 +210,14 @@ class Scenario(Displayed, Strict):
         """The effects of the pieces of a group, without those that do nothing."""
         counts: Counter[str] = Counter()
         found = []
-        try:
-            for source in self._sources(group):
-                found.append(source.started(setting, counts[source.type]))
-                counts[source.type] += 1
-        except SpecError as error:
-            raise SpecError(f"scenario {self.name!r}: {error}") from error
+        for piece in self.pieces(group):
+            own = setting.of_piece(f"{group}/{piece.type}", counts[piece.type])
+            counts[piece.type] += 1
+            try:
+                found.append(piece.start(own))
+            except SpecError as error:
+                where = f"scenario {self.name!r}: {GROUPS[group][0]} {piece.type!r}"
+                raise SpecError(f"{where}: {error}") from error
         return [effect for effect in found if effect is not None]
 
     def true_robot(self, setting: Setting) -> MobileManipulator:

@@ -73,6 +73,7 @@ _Deviation = Annotated[Each, checked("a standard deviation must not be negative"
 _Resolution = Annotated[Each, checked("a resolution must not be negative", zero=True)]
 
 
+@sensors.register("noise")
 class WhiteNoise(Piece):
     """White Gaussian noise, new at every tick; each field is a standard deviation."""
 
@@ -113,6 +114,7 @@ class _Noisy(Sensor):
             values += noise[0] * noise[1].standard_normal(len(values))
 
 
+@sensors.register("quantisation")
 class Quantisation(Piece):
     """q is rounded to the nearest multiple of a resolution; z may be what its differences tell."""
 
@@ -174,13 +176,10 @@ def _of_coordinates(
     return values
 
 
-sensors.register("noise", WhiteNoise)
-sensors.register("quantisation", Quantisation)
-
-
 # Estimators of z' -------------------------------------------------------------------------------------
 
 
+@estimators.register("exact")
 class Exact(Piece):
     """The true z' under the torque held until now: what an ideal sensor shows."""
 
@@ -188,6 +187,7 @@ class Exact(Piece):
         return lambda z, true: true.copy()
 
 
+@estimators.register("backward-difference")
 class BackwardDifference(Piece):
     """(z_k - z_(k-1))/dt, 0 at the first tick."""
 
@@ -203,6 +203,7 @@ class BackwardDifference(Piece):
         return difference
 
 
+@estimators.register("filtered-difference")
 class FilteredDifference(Piece):
     """The backward difference behind a first-order low pass, sampled with its step response exact."""
 
@@ -222,6 +223,7 @@ class FilteredDifference(Piece):
         return filtered
 
 
+@estimators.register("robust-differentiator")
 class RobustDifferentiator(Piece):
     r"""The first-order robust exact differentiator of each component of z.
 
@@ -262,9 +264,3 @@ class RobustDifferentiator(Piece):
             return rate.copy()
 
         return levant
-
-
-estimators.register("exact", Exact)
-estimators.register("backward-difference", BackwardDifference)
-estimators.register("filtered-difference", FilteredDifference)
-estimators.register("robust-differentiator", RobustDifferentiator)

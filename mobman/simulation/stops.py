@@ -49,6 +49,7 @@ class Contact(NamedTuple):
         )
 
 
+@stops.register("joint-limits")
 class JointLimits(Piece):
     r"""A spring and a damper at each position limit of the URDF, which only push:
     :math:`\max(0, k\,d + c\,\dot d)` at a depth d > 0, so that no stop gives more energy than it took.
@@ -130,6 +131,3 @@ def _press(
     for i in range(torque.shape[0]):
         torque[i] += added[i]
     return status
-
-
-stops.register("joint-limits", JointLimits)

@@ -71,7 +71,7 @@ def test_run_without_limits_is_never_saturated(youbot):
 def test_limits_are_those_of_the_urdf_or_of_an_acceleration(robot):
     """factor x effort; where there is none, holding torque + acceleration x inertia."""
     stage = Scenario(name="s", actuation=[_limits(factor=0.5, acceleration=20.0)]).actuation[0]
-    level = stage.resolved().level(setting(robot))
+    level = stage.level(setting(robot))
     stated = np.isfinite(robot.limits.torque)
     assert np.array_equal(level[stated], 0.5 * robot.limits.torque[stated])
     _, bias, b = robot.dynamics(robot.q_rest, np.zeros(robot.nz))

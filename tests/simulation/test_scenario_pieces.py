@@ -138,7 +138,8 @@ def test_every_error_is_told_at_once():
         )
     for text in (
         "'payload'", "must not be negative", "unknown friction type 'stiction'", "'long'",
-        "'speed' is unknown", "'cutoff' is missing", "'slip.0.type' is missing", "'heavier'",
+        "'speed' is unknown", "'cutoff' is missing", "'slip.0'", "field 'type' is missing",
+        "'longitudinal'", "'heavier'",
     ):  # fmt: skip
         assert text in str(caught.value)
     assert "\n" not in str(caught.value)

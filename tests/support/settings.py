@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from mobman.simulation.pieces import Setting
-from mobman.simulation.scenario import Source
+from mobman.simulation.sensors import estimators
 
 
 def setting(robot, seed=0, dt=1e-3):
@@ -21,7 +21,7 @@ def motors(inertia, seed=0):
     return setting(robot, seed)
 
 
-def estimator(names, dt, **source):
+def estimator(names, dt, type, **fields):
     """An estimator of z' for a robot with such velocities."""
     robot = SimpleNamespace(velocity_names=list(names))
-    return Source(group="acceleration", **source).resolved().start(setting(robot, dt=dt))
+    return estimators.get(type)(**fields).start(setting(robot, dt=dt))
