@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Self
+from collections.abc import Callable
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -23,20 +24,17 @@ from mobman.simulation.pieces import (
 _ROUNDING = 1e-6  # ticks, share of a limit: what is as near to a whole number, or to it, is there
 
 
-class Stage:
+class Stage(NamedTuple):
     """A piece at work: from the torques of the ticks to other torques of the ticks."""
 
+    apply: Callable[[Array], tuple[Array, bool]] = lambda torque: (torque, False)
+    """The torque that comes out at a tick, of the one that goes in (N m, N), shape (nz,), which must not
+    be written to; and whether it met a limit: was cut, or was as large as is allowed. Called once at
+    every tick, v = 0 before the first."""
     delay: float = 0.0
     """By how much what comes out is late, in addition (s)."""
-    limited: bool = False
-    """Whether the last torque met a limit: was cut, or was as large as is allowed."""
     level: Array | None = None
     """Largest |torque| of each motor that comes out (N m, N), shape (nz,), if there is one."""
-
-    def apply(self, torque: Array) -> Array:
-        """The torque that comes out at a tick, of the one that goes in (N m, N), shape (nz,), which is
-        not to be written to; called once at every tick, v = 0 before the first."""
-        return torque
 
 
 actuations = types_of("actuation type", "mobman.actuation")
@@ -74,8 +72,8 @@ class ActuationChain:
         """Command a torque, shape (nz,), at the next tick."""
         self.limited = False
         for stage in self._stages:
-            torque = stage.apply(torque)
-            self.limited |= stage.limited
+            torque, limited = stage.apply(torque)
+            self.limited |= limited
         self._under_way.append(torque.copy())
         self.early = self.late
         if len(self._under_way) > self._whole:
@@ -99,9 +97,7 @@ class Delay(Piece):
     """s."""
 
     def start(self, setting: Setting) -> Stage | None:
-        stage = Stage()
-        stage.delay = self.delay
-        return stage if self.delay > 0.0 else None
+        return Stage(delay=self.delay) if self.delay > 0.0 else None
 
 
 class TorqueLevel(Piece):
@@ -148,7 +144,13 @@ class Saturation(TorqueLevel):
 
     def start(self, setting: Setting) -> Stage | None:
         level = self.level(setting)
-        return _Clip(level) if np.isfinite(level).any() else None
+
+        def clip(torque: Array) -> tuple[Array, bool]:
+            # also where the law keeps to the limit by itself, but for rounding
+            limited = (np.abs(torque) >= (1.0 - _ROUNDING) * level).any()
+            return np.clip(torque, -level, level), bool(limited)
+
+        return Stage(clip, level=level) if np.isfinite(level).any() else None
 
 
 @actuations.register("rate-limit")
@@ -160,8 +162,15 @@ class RateLimit(TorqueLevel):
 
     def start(self, setting: Setting) -> Stage | None:
         level = self.level(setting)
-        step = setting.dt / self.rise_time * level
-        return _Follow(step) if np.isfinite(level).any() else None
+        step, last = setting.dt / self.rise_time * level, np.zeros_like(level)
+
+        def follow(torque: Array) -> tuple[Array, bool]:
+            nonlocal last
+            # not the last plus a change: a torque within the limit comes through bit for bit
+            last = np.clip(torque, last - step, last + step)
+            return last, bool((last != torque).any())
+
+        return Stage(follow) if np.isfinite(level).any() else None
 
 
 @actuations.register("gain")
@@ -177,34 +186,4 @@ class MotorGains(Piece):
         names = list(setting.robot.velocity_names)
         draws = setting.random.uniform(-1.0, 1.0, len(names))
         factor = entries(self.factor, names, "factor", "motors") * (1.0 + self.spread * draws)
-        return _Scaled(factor) if np.any(factor != 1.0) else None
-
-
-class _Clip(Stage):
-    def __init__(self, level: Array) -> None:
-        self.level: Array = level
-
-    def apply(self, torque: Array) -> Array:
-        # also where the law keeps to the limit by itself, but for rounding
-        self.limited = bool((np.abs(torque) >= (1.0 - _ROUNDING) * self.level).any())
-        clipped: Array = np.clip(torque, -self.level, self.level)
-        return clipped
-
-
-class _Follow(Stage):
-    def __init__(self, step: Array) -> None:
-        self._step, self._last = step, np.zeros_like(step)
-
-    def apply(self, torque: Array) -> Array:
-        # not the last plus a change: a torque within the limit comes through bit for bit
-        self._last = np.clip(torque, self._last - self._step, self._last + self._step)
-        self.limited = bool((self._last != torque).any())
-        return self._last
-
-
-class _Scaled(Stage):
-    def __init__(self, factor: Array) -> None:
-        self._factor = factor
-
-    def apply(self, torque: Array) -> Array:
-        return self._factor * torque
+        return Stage(lambda torque: (factor * torque, False)) if np.any(factor != 1.0) else None

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from mobman.arrays import Array, Matrix, Vector
 from mobman.compiled import bind, kernel
 from mobman.errors import SpecError
 from mobman.linalg import dot
-from mobman.simulation.pieces import Each, Piece, Setting, types_of
+from mobman.simulation.pieces import Each, Piece, Setting, checked, some_given, types_of
 
 Torque = Callable[[float], Array]
 """Disturbance torque on the motors' axes at time t (N m, N), shape (nz,)."""
@@ -35,9 +35,7 @@ class Amplitude(Piece):
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
-        if (self.torque is None) == (self.acceleration is None):
-            raise ValueError("give either 'torque' or 'acceleration'")
-        return self
+        return some_given(self, "torque", "acceleration", most=1)
 
     def torques(self, inertia: Array) -> Array:
         """The amplitude on every motor's axis (N m, N), by the effective inertia at each motor (kg m^2,
@@ -152,28 +150,42 @@ class RandomSteps(Amplitude):
 
 
 class Resistance(NamedTuple):
-    """Friction of one run."""
+    """Friction of one run on what moves at the rates ``share`` times those of the motors' axes."""
 
-    entry: Callable[[Array, Array], Callable[[], None]]
-    """Gives a function that subtracts the friction from the torques, both read in place: the axes'
-    rates B^T z (rad/s, m/s), and torques on the axes (N m, N), shapes (nz,)."""
-    slope: Array
-    """The largest derivative of each axis' friction by its rate (N m s, N s/m), shape (nz,)."""
+    share: Array
+    """Shape (n, nz)."""
+    damping: Array
+    """Friction over the rate (N m s, N s/m), shape (n,)."""
+    dry: Array
+    """Friction at a rate well above ``velocity`` (N m, N), shape (n,)."""
+    velocity: float
+    """Rate at which 76 % of ``dry`` is reached (rad/s, m/s)."""
+
+    def entry(self, rate: Array, torque: Array) -> Callable[[], None]:
+        """A function that subtracts the friction from torques on the axes (N m, N), by the axes' rates
+        B^T z (rad/s, m/s); shapes (nz,), both read in place."""
+        return bind(_brake, *self, rate, torque)
+
+    @property
+    def slope(self) -> Array:
+        """The largest derivative of each axis' friction by its rate (N m s, N s/m), shape (nz,)."""
+        share, steepest = np.abs(self.share), self.damping + self.dry / self.velocity
+        return np.asarray(share.T @ (steepest * share.sum(axis=1)))
 
 
 frictions = types_of("friction type", "mobman.friction")
 """Types of friction; each starts as a :class:`Resistance`, or None."""
 
+_Brake = Annotated[Each, checked("must not be negative: friction brakes", zero=True)]
+
 
 class FrictionLevel(Amplitude):
     """Strength of a friction: an amplitude that is not negative."""
 
-    @field_validator("torque", "acceleration")
-    @classmethod
-    def _brakes(cls, value: Each | None) -> Each | None:
-        if value is not None and np.min(value) < 0.0:
-            raise ValueError("must not be negative: friction brakes")
-        return value
+    torque: _Brake | None = None
+    """N m, N."""
+    acceleration: _Brake | None = None
+    """rad/s^2, m/s^2: the torque is what gives each motor's axis this acceleration at rest."""
 
 
 @frictions.register("coulomb")
@@ -188,8 +200,8 @@ class Coulomb(FrictionLevel):
     """Rate at which 76 % of the amplitude is reached (rad/s, m/s)."""
 
     def start(self, setting: Setting) -> Resistance:
-        level, v = self.torques(setting.inertia), self.velocity
-        return Resistance(lambda rate, torque: bind(_coulomb, level, v, rate, torque), level / v)
+        level = self.torques(setting.inertia)
+        return Resistance(np.eye(len(level)), np.zeros_like(level), level, self.velocity)
 
 
 @frictions.register("viscous")
@@ -198,7 +210,7 @@ class Viscous(FrictionLevel):
 
     def start(self, setting: Setting) -> Resistance:
         slope = self.torques(setting.inertia)
-        return Resistance(lambda rate, torque: bind(_viscous, slope, rate, torque), slope)
+        return Resistance(np.eye(len(slope)), slope, np.zeros_like(slope), 1.0)
 
 
 @frictions.register("urdf")
@@ -227,21 +239,7 @@ class UrdfFriction(Piece):
         C = robot.velocity_map(robot.q_rest)
         B = C.T @ robot.actuation(robot.q_rest)
         share = np.ascontiguousarray(C[moved] @ np.linalg.inv(B).T)
-        slope = np.abs(share).T @ ((damping + dry / velocity) * np.abs(share).sum(axis=1))
-        parts = share, damping, dry, velocity
-        return Resistance(lambda rate, torque: bind(_brake, *parts, rate, torque), slope)
-
-
-@kernel
-def _coulomb(level: Vector, velocity: float, rate: Vector, torque: Vector) -> None:
-    for i in range(rate.shape[0]):
-        torque[i] -= level[i] * math.tanh(rate[i] / velocity)
-
-
-@kernel
-def _viscous(coefficient: Vector, rate: Vector, torque: Vector) -> None:
-    for i in range(rate.shape[0]):
-        torque[i] -= coefficient[i] * rate[i]
+        return Resistance(share, damping, dry, velocity)
 
 
 @kernel

@@ -8,7 +8,7 @@ may do so, a new one too, and so may a script.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr
@@ -79,6 +79,7 @@ class Piece(Strict):
         raise NotImplementedError
 
 
+P = TypeVar("P", bound=Piece)
 Types = Registry[type[Piece]]
 
 
@@ -124,11 +125,9 @@ def entries(value: float | list[float], names: list[str], field: str, of: str) -
     return np.zeros(len(names)) + value
 
 
-def some_given(piece: Piece, *names: str, most: int = 9) -> None:
-    """
-    Raises:
-        ValueError: If none of the fields, or more than so many of them, are there.
-    """
+def some_given(piece: P, *names: str, most: int = 9) -> P:
+    """The piece, if one of the fields is there, and no more than so many of them; else ValueError."""
     if not 1 <= sum(getattr(piece, name) is not None for name in names) <= most:
         one = "exactly one of" if most == 1 else "at least one of"
         raise ValueError(f"give {one} {' or '.join(map(repr, names))}")
+    return piece

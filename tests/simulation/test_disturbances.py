@@ -163,10 +163,10 @@ def test_growing_is_its_amplitude_at_its_time_and_has_no_bound(power):
 @pytest.mark.parametrize(
     ("source", "named"),
     [
-        ({"type": "constant"}, ["'constant'", "either 'torque' or 'acceleration'"]),
+        ({"type": "constant"}, ["'constant'", "exactly one of 'torque' or 'acceleration'"]),
         (
             {"type": "constant", "torque": 1.0, "acceleration": 1.0},
-            ["either 'torque' or 'acceleration'"],
+            ["exactly one of 'torque' or 'acceleration'"],
         ),
         ({"type": "sinusoid", "torque": 1.0}, ["'sinusoid'", "'frequency'", "missing"]),
         ({**SOURCES["sinusoid"], "frequency": 0.0}, ["'frequency'", "0", "greater than 0"]),

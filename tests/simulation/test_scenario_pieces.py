@@ -156,7 +156,7 @@ def test_every_error_is_told_at_once():
         ("inertias", {"type": "payload", "mass": 1.0, "inertia": [1.0, 1.0, 2.1]}, "no body"),
         ("inertias", {"type": "payload", "mass": 1.0, "inertia": [1, 0, 0, 1, 0]}, "3 entries"),
         ("friction", {"type": "coulomb", "torque": 1.0, "velocity": 0.0}, "greater than 0"),
-        ("friction", {"type": "viscous"}, "either 'torque' or 'acceleration'"),
+        ("friction", {"type": "viscous"}, "exactly one of 'torque' or 'acceleration'"),
         ("disturbances", {"type": "noise", "torque": 1.0, "band": [3.0, 2.0]}, "low < high"),
         ("disturbances", {"type": "growing", "torque": 1.0, "time": 0.0}, "greater than 0"),
         ("disturbances", {"type": "growing", "torque": 1.0, "time": 1.0, "power": 0.5}, "power"),
