@@ -11,7 +11,7 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -23,53 +23,30 @@ SCHEMA_VERSION = 3
 EARLIER = (2,)
 """Schemas that are read, too."""
 
-FIELDS: dict[str, tuple[str, str, str, str]] = {
-    # place in the file: field, axis of its columns, units, description
-    "q": ("q", "joint", "m or rad", "configuration, platform and arm"),
-    "z": ("z", "velocity", "1/s of its coordinate", "reduced velocity (alpha, y')"),
-    "torque": (
-        "torque",
-        "velocity",
-        "N m or N",
-        "commanded torque v, held from this tick to the next",
-    ),
-    "tip/position": ("tip_position", "axis", "m", "task coordinates of the tip, f_e"),
-    "tip/desired": ("tip_desired", "axis", "m", "desired trajectory p_d"),
-    "error/task": ("task_error", "error/component", "m", "e^e = f_e - p_d"),
-    "error/auxiliary": ("auxiliary_error", "auxiliary_component", "1", "e^a = f_a of (11)"),
-    "compute_time": ("compute_time", "", "s", "time that the controller took for this tick"),
-}
-ORIENTATION: dict[str, tuple[str, str, str, str]] = {
-    "tip/orientation": (
-        "tip_orientation",
-        "tip/component",
-        "1",
-        "orientation of the tip: unit quaternion w, x, y, z, or the axis that points",
-    ),
-    "tip/desired_orientation": (
-        "tip_desired_orientation",
-        "tip/component",
-        "1",
-        "the orientation desired",
-    ),
-}
-"""The same of runs whose task has an orientation."""
-TEXTS = (
-    *("status", "message", "robot", "controller", "task", "scenario"),
-    *("urdf_sha256", "state_sha256", "created"),
-)
-DICTIONARIES = ("spec", "settings", "versions", "machine")
-OPTIONAL = ("singularity",)
-"""Dictionaries that a file has where they are not empty."""
-APPLIED = "torque_applied"
-"""The signal of the torque that acts, where the scenario's actuation makes it another one."""
-OWN_PLACES = {
-    *("t", "q", "z", "torque", "tip", "error", "compute_time"),
-    *("metrics", "joint", "velocity", "axis", "urdf"),
-}
-"""First parts of the places in a record's file that a controller's signals cannot have."""
+
+class Place(NamedTuple):
+    """A dataset of a record's file, with a row for each sample."""
+
+    units: str
+    description: str
+    field: str = ""
+    """Field of the record; empty of a signal."""
+    axis: str = ""
+    """Axis of its columns, where they have names."""
+
 
 _TABLE = """
+q | m or rad | configuration, platform and arm | q | joint
+z | 1/s of its coordinate | reduced velocity (alpha, y') | z | velocity
+torque | N m or N | commanded torque v, held from this tick to the next | torque | velocity
+tip/position | m | task coordinates of the tip, f_e | tip_position | axis
+tip/desired | m | desired trajectory p_d | tip_desired | axis
+error/task | m | e^e = f_e - p_d | task_error | error/component
+error/auxiliary | 1 | e^a = f_a of (11) | auxiliary_error | auxiliary_component
+compute_time | s | time that the controller took for this tick | compute_time
+tip/orientation | 1 | orientation of the tip: unit quaternion w, x, y, z, or the axis that points \
+| tip_orientation | tip/component
+tip/desired_orientation | 1 | the orientation desired | tip_desired_orientation | tip/component
 sliding/s | m/s^2 | sliding variable of the kinematic stage, (31)
 torque_applied | N m or N | torque that acts from this tick to the next
 sliding/S | 1/s^2 of its coordinate | sliding variable of the dynamic stage, (51)
@@ -111,8 +88,29 @@ contact/lift | m | gap between each and the ground
 contact/base | m or rad | height, roll and pitch of the platform's frame
 contact/tip | m | position of the tip, with what the platform tilts and sinks
 """
-_SIGNALS = {place: told for place, *told in (row.split(" | ") for row in _TABLE.split("\n")[1:-1])}
-"""Units and description of the signals that are mobman's own, by their place."""
+_PLACES = {
+    place: Place(*about)
+    for place, *about in (row.split(" | ") for row in _TABLE.strip().split("\n"))
+}
+FIELDS = {place: about for place, about in _PLACES.items() if about.field}
+"""The record's own datasets, but for t; the others are mobman's signals."""
+ORIENTATION = {place: about for place, about in FIELDS.items() if "orientation" in place}
+"""Those of runs whose task has an orientation."""
+TEXTS = (
+    *("status", "message", "robot", "controller", "task", "scenario"),
+    *("urdf_sha256", "state_sha256", "created"),
+)
+DICTIONARIES = ("spec", "settings", "versions", "machine")
+OPTIONAL = ("singularity",)
+"""Dictionaries that a file has where they are not empty."""
+APPLIED = "torque_applied"
+"""The signal of the torque that acts, where the scenario's actuation makes it another one."""
+OWN_PLACES = {
+    *("t", "q", "z", "torque", "tip", "error", "compute_time"),
+    *("metrics", "joint", "velocity", "axis", "urdf"),
+}
+"""First parts of the places in a record's file that a controller's signals cannot have."""
+
 _DIMENSION_ONLY = "This is a netCDF dimension but not a netCDF variable. %10d"
 """The name in netCDF of a dimension without coordinates."""
 _ROWS = 16384  # of a chunk at most: what reads a moment of a long run need not read the whole
@@ -120,10 +118,11 @@ _ROWS = 16384  # of a chunk at most: what reads a moment of a long run need not 
 _names = itertools.count()
 
 
-def places_of(record: Mapping[str, Any]) -> dict[str, tuple[str, str, str, str]]:
-    """The datasets that a record has, as :data:`FIELDS` describes them."""
-    has = record.get("tip_orientation") is not None
-    return {**FIELDS, **ORIENTATION} if has else FIELDS
+def places_of(record: Mapping[str, Any]) -> dict[str, Place]:
+    """The datasets that a record has, of :data:`FIELDS`."""
+    if record.get("tip_orientation") is not None:
+        return FIELDS
+    return {place: about for place, about in FIELDS.items() if place not in ORIENTATION}
 
 
 def error_components(m: int) -> list[str]:
@@ -140,20 +139,19 @@ def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int 
     Raises:
         UsageError: If ``every`` or ``compression`` is no such number.
     """
-    for name, value, least, most in (
-        ("every", every, 1, math.inf),
-        ("compression", compression, 0, 9),
+    for name, value, allowed, text in (
+        ("every", every, range(1, 2**63), "1 or more"),
+        ("compression", compression, range(10), "from 0 to 9"),
     ):
         whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-        if not whole or not least <= value <= most:
-            allowed = f"from {least} to {most}" if most < math.inf else f"{least} or more"
-            raise UsageError(f"{name} = {value!r}: must be a whole number, {allowed}")
+        if not whole or int(value) not in allowed:
+            raise UsageError(f"{name} = {value!r}: must be a whole number, {text}")
     count = len(record["t"])
     # the last sample too: where a run ended early, it is the one that matters
     rows: Any = sorted({*range(0, count, every), count - 1}) if every > 1 else slice(None)
     content = _file_of(record, every, rows, compression)
     samples = [record["t"], *record["signals"].values()]
-    samples += [record[field] for field, *_ in places_of(record).values()]
+    samples += [record[about.field] for about in places_of(record).values()]
     if sum(np.asarray(values)[rows].nbytes for values in samples) > most_bytes(len(content)):
         return _file_of(record, every, rows, 0)  # a robot at rest, say: or it could not be read
     return content
@@ -252,18 +250,19 @@ def _write_samples(file: h5py.File, record: Mapping[str, Any], rows: Any, compre
     }
     scales["error/component"] = scales["axis"]
     places = places_of(record)
-    if places is not FIELDS:
+    if oriented := places.keys() >= ORIENTATION.keys():
         scales["error/component"] = axis("error/component", names, "", "components of e^e")
         names = ["w", *directions][-record["tip_orientation"].shape[1] :]
         scales["tip/component"] = axis("tip/component", names, "", "components of orientations")
-    for place, (field, columns, units, description) in places.items():
-        units = "m, then 1" if place == "error/task" and places is not FIELDS else units
-        data = samples(place, record[field], units, description)
+    for place, about in places.items():
+        units = "m, then 1" if place == "error/task" and oriented else about.units
+        data = samples(place, record[about.field], units, about.description)
         data.dims[0].attach_scale(time)
-        if columns:
-            data.dims[1].attach_scale(scales[columns])
+        if about.axis:
+            data.dims[1].attach_scale(scales[about.axis])
     for place, values in record["signals"].items():
-        data = samples(place, values, *_SIGNALS.get(place, ("", "signal of the controller")))
+        about = _PLACES.get(place, Place("", "signal of the controller"))
+        data = samples(place, values, about.units, about.description)
         data.dims[0].attach_scale(time)
         for i, size in enumerate(data.shape[1:], start=1):
             name = f"{place.replace('/', '_')}_component" + (f"_{i}" if i > 1 else "")

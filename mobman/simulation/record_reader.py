@@ -124,22 +124,25 @@ class _Reader:
         t = self._samples("t", (None,))
         _require(len(t) > 0, "t has no times")
         _require(bool(np.all(np.isfinite(t))), "t has entries that are not finite")
-        rows, nq, nz = len(t), (len(joints),), (len(velocities),)
-        columns: dict[str, tuple[int, ...]] = {"q": nq, "z": nz, "torque": nz, "compute_time": ()}
+        rows = len(t)
+        columns = {"joint": (len(joints),), "velocity": (len(velocities),), "": ()}
         fields: dict[str, Array] = {}
-        places = dict(FIELDS)
-        if isinstance(tip := self._open("tip"), h5py.h5g.GroupID) and b"orientation" in tip:
-            places |= ORIENTATION
-        for place, (field, *_) in places.items():
-            found = self._samples(place, (rows, *columns.get(place, (None,))))
+        tip = self._open("tip")
+        oriented = isinstance(tip, h5py.h5g.GroupID) and b"orientation" in tip
+        for place, about in FIELDS.items():
+            if place in ORIENTATION and not oriented:
+                continue
+            found = self._samples(place, (rows, *columns.get(about.axis, (None,))))
             if place in _FINITE or (ok and place in _FINITE_IF_OK):
                 finite = bool(np.all(np.isfinite(found)))
                 _require(finite, f"{place} has entries that are not finite")
-            fields[field] = found
-        tip, desired = (fields[name].shape for name in ("tip_position", "tip_desired"))
-        _require(tip == desired, f"tip/desired has shape {desired}, and tip/position {tip}")
-        if ORIENTATION.keys() <= places.keys():
-            turned, wanted = (fields[field].shape for field, *_ in ORIENTATION.values())
+            fields[about.field] = found
+        position, desired = (fields[name].shape for name in ("tip_position", "tip_desired"))
+        _require(
+            position == desired, f"tip/desired has shape {desired}, and tip/position {position}"
+        )
+        if oriented:
+            turned, wanted = (fields[about.field].shape for about in ORIENTATION.values())
             error = fields["task_error"].shape
             _require(
                 turned == wanted and error[1] == {4: 6, 3: 5}.get(turned[1], 0),

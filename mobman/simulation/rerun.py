@@ -324,7 +324,7 @@ def _unlike(
 
 def _samples(record: Record) -> dict[str, Array]:
     places = places_of(vars(record))
-    found = {place: getattr(record, field) for place, (field, *_) in places.items()}
+    found = {place: getattr(record, about.field) for place, about in places.items()}
     return _without_timing({"t": record.t, **found, **record.signals})
 
 
@@ -392,7 +392,7 @@ def _column(place: str, index: tuple[Any, ...], record: Record) -> str:
         "axis": ["x", "y", "z"],
         "error/component": error_components(record.task_error.shape[1]),
     }
-    axis = places_of(vars(record)).get(place, ("", ""))[1]
-    if axis in names:
-        return f", {names[axis][index[0]]}"
+    about = places_of(vars(record)).get(place)
+    if about is not None and about.axis in names:
+        return f", {names[about.axis][index[0]]}"
     return f", component {', '.join(str(int(i)) for i in index)}"
