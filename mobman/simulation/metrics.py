@@ -131,10 +131,12 @@ def metric(
     Args:
         name: Of the metric.
         unit: SI, ``"1"`` for a pure number.
-        description: One line.
+        description: One line; what ``early`` is in addition, where that is inf or NaN.
         early: The metric of a run that ended early, if the function is for completed ones only.
         better, section, short, applies: See :class:`Metric`.
     """
+    if early is not None and not math.isfinite(early):
+        description += f"; {'NaN' if math.isnan(early) else early} if the run ended early"
 
     def register(function: Function) -> Function:
         def whole(run: Run) -> float:
@@ -189,53 +191,43 @@ def _of_an_error(
     what: str,
     size: Callable[[Run], Array],
     *,
-    steady: str,
     end: str = "",
     applies: Callable[[Run], bool] | None = None,
 ) -> None:
     """Register the metrics of an error, by its size at the ticks, shape (N,)."""
     add = partial(metric, section="tracking", early=math.inf, applies=applies)
-    the = f"the {what}" if what[0].isalpha() else what
-    (settling, name), early = names, "inf if the run ended early"
+    settling, name = names
     for below in ("1e-2", "1e-4", "1e-6"):
-        text, short = f"first time from which {the} stays", f"below {below} {unit}"
+        short = f"below {below} {unit}"
+        text = f"first time from which {what} stays {short} to the end"
 
-        @add(f"{settling}_{below}", "s", f"{text} {short} to the end", short=short)
+        @add(f"{settling}_{below}", "s", text, short=short)
         def _(run: Run, below: float = float(below)) -> float:
             return settled(run, size(run), below)
 
-    text = f"largest {what} in the steady part; {early}"
-    add(f"{name}_max", unit, text, short=steady)(lambda run: float(size(run)[run.steady].max()))
-    text = f"root mean square of {the} in the steady part; inf if it ended early"
-    add(f"{name}_rms", unit, text)(lambda run: float(np.sqrt(np.mean(size(run)[run.steady] ** 2))))
-    add(f"{name}_final", unit, f"{what} at the end; {early}", short=end)(
-        lambda run: float(size(run)[-1])
+    most = f"steady {what.removesuffix(' error')} at most"
+    add(f"{name}_max", unit, f"largest {what} in the steady part", short=most)(
+        lambda run: float(size(run)[run.steady].max())
     )
+    add(f"{name}_rms", unit, f"root mean square of {what} in the steady part")(
+        lambda run: float(np.sqrt(np.mean(size(run)[run.steady] ** 2)))
+    )
+    add(f"{name}_final", unit, f"{what} at the end", short=end)(lambda run: float(size(run)[-1]))
 
 
 _of_an_error(
-    ("settling_time", "task_error"),
-    "m",
-    "|e^e|",
-    lambda run: run.task_distance,
-    steady="steady |e^e| at most",
+    *(("settling_time", "task_error"), "m", "|e^e|", lambda run: run.task_distance),
     end="|e^e| at the end",
 )
 _of_an_error(
-    ("orientation_settling_time", "orientation_error"),
-    "rad",
-    "angle error",
+    *(("orientation_settling_time", "orientation_error"), "rad", "angle error"),
     lambda run: run.task_angle,
-    steady="steady angle at most",
     applies=lambda run: run.has_orientation,
 )
 
 
 @metric(
-    "success",
-    "1",
-    "1 if completed and |e^e| settled below 1e-4 m (and rad), else 0",
-    "higher",
+    *("success", "1", "1 if completed and |e^e| settled below 1e-4 m (and rad), else 0", "higher"),
     early=0.0,
     section="tracking",
 )
@@ -246,28 +238,19 @@ def success(run: Run) -> float:
 
 # Redundancy --------------------------------------------------------------------------------------
 
-_redundancy = partial(metric, section="redundancy", early=math.inf)
-
+_redundancy = partial(metric, section="redundancy")
 _redundancy(
-    "auxiliary_error_max",
-    "1",
-    "largest |e^a| in the steady part; inf if the run ended early",
+    *("auxiliary_error_max", "1", "largest |e^a| in the steady part"),
+    early=math.inf,
     short="steady |e^a| at most",
 )(lambda run: float(np.linalg.norm(run.auxiliary_error[run.steady], axis=1).max()))
 _redundancy(
-    "criterion_final",
-    "1",
-    "criterion F(q) at the end; inf if the run ended early",
-    short="F at the end",
+    *("criterion_final", "1", "criterion F(q) at the end"), early=math.inf, short="F at the end"
 )(lambda run: run.criterion.value(run.q[-1]))
 
 
 @_redundancy(
-    "lambda_min",
-    "1",
-    "least lambda_min(J J^T), extended Jacobian, every 10 ms",
-    "higher",
-    early=None,
+    *("lambda_min", "1", "least lambda_min(J J^T), extended Jacobian, every 10 ms", "higher"),
     short="lambda_min(J J^T) at least",
 )
 def lambda_min(run: Run) -> float:
@@ -288,8 +271,7 @@ def lambda_min(run: Run) -> float:
 
 
 @_redundancy(
-    "repeatability",
-    "rad, m",
+    *("repeatability", "rad, m"),
     "distance of the arm's posture from the one a period before, at the end; NaN for open paths and "
     "for runs shorter than a period",
     early=math.nan,
@@ -331,16 +313,13 @@ _effort("torque_variation", "N m or N", "total variation of v, summed over the m
     lambda run: _variation(run, 1)
 )
 _effort(
-    "torque_rate_variation",
-    "N m/s or N/s",
+    *("torque_rate_variation", "N m/s or N/s"),
     "total variation of v' = (v_k+1 - v_k)/dt, summed likewise",
 )(lambda run: _variation(run, 2) / run.dt)
 
 
 @_effort(
-    "torque_step",
-    "1",
-    "largest step of a torque from tick to tick after 1 s, over its peak",
+    *("torque_step", "1", "largest step of a torque from tick to tick after 1 s, over its peak"),
     short="largest step over its peak",
 )
 def torque_step(run: Run) -> float:
@@ -349,21 +328,17 @@ def torque_step(run: Run) -> float:
     return float(max(steps) / peak) if peak > 0.0 else 0.0
 
 
-metric(
-    "saturation_share",
-    "1",
-    "share of the ticks at which a commanded torque met a limit",
-    section="limits",
+_limits = partial(metric, section="limits")
+_limits(
+    *("saturation_share", "1", "share of the ticks at which a commanded torque met a limit"),
     short="share of ticks at a torque limit",
 )(lambda run: 0.0 if run.limited is None else float(np.mean(run.limited)))
 
 
-@metric(
-    "saturation_start",
-    "s",
+@_limits(
+    *("saturation_start", "s"),
     "first time at which a commanded torque met a limit; the duration asked for if none did",
     "higher",
-    section="limits",
 )
 def saturation_start(run: Run) -> float:
     if run.limited is None or not run.limited.any():
@@ -376,24 +351,19 @@ def saturation_start(run: Run) -> float:
 _ground = partial(
     metric, section="ground", early=math.inf, applies=lambda run: "contact/slip" in run.ground
 )
-_ground(
-    "slip_max", "m/s", "largest slip of a wheel; inf if the run ended early", short="slip at most"
-)(lambda run: _largest(run.ground["contact/slip"]))
-_ground("slip_way", "m", "way that the wheel which slips most slips; inf if the run ended early")(
+_ground("slip_max", "m/s", "largest slip of a wheel", short="slip at most")(
+    lambda run: _largest(run.ground["contact/slip"])
+)
+_ground("slip_way", "m", "way that the wheel which slips most slips")(
     lambda run: _largest(run.dt * run.ground["contact/slip"].sum(axis=0))
 )
-_ground(
-    "wheel_lift",
-    "m",
-    "largest gap between a wheel and the ground; inf if the run ended early",
-    short="lift at most",
-)(lambda run: _largest(run.ground["contact/lift"]))
+_ground("wheel_lift", "m", "largest gap between a wheel and the ground", short="lift at most")(
+    lambda run: _largest(run.ground["contact/lift"])
+)
 
 
 @_ground(
-    "grip_used",
-    "1",
-    "largest friction over the normal force of a wheel; inf if the run ended early",
+    *("grip_used", "1", "largest friction over the normal force of a wheel"),
     short="friction over load at most",
 )
 def grip_used(run: Run) -> float:
@@ -402,10 +372,8 @@ def grip_used(run: Run) -> float:
 
 
 @_ground(
-    "true_error_max",
-    "m",
-    "largest error of the tip in the steady part, with what the platform tilts and sinks; inf if it "
-    "ended early",
+    *("true_error_max", "m"),
+    "largest error of the tip in the steady part, with what the platform tilts and sinks",
     applies=lambda run: "contact/tip" in run.ground,
 )
 def true_error_max(run: Run) -> float:
@@ -426,10 +394,8 @@ _consistency("constraint_residual", "m/s", "largest |A(x) x'| at the ticks")(
 
 
 @_consistency(
-    "energy_residual",
-    "1",
-    "|energy gained - work done|, over the largest of |energy gained|, |work done| and 1 J; NaN for "
-    "runs that ended early",
+    *("energy_residual", "1"),
+    "|energy gained - work done|, over the largest of |energy gained|, |work done| and 1 J",
     early=math.nan,
 )
 def energy_residual(run: Run) -> float:
