@@ -120,10 +120,7 @@ class TorqueLevel(Piece):
 
     def level(self, setting: Setting) -> Array:
         """The torque of each motor (N m, N), shape (nz,); inf where nothing states one.
-
-        Raises:
-            SpecError: If a list has not one entry for each motor.
-        """
+        SpecError if a list has not one entry for each motor."""
         robot = setting.robot
         if self.torque is not None:
             return entries(self.torque, list(robot.velocity_names), "torque", "motors")

@@ -83,11 +83,7 @@ class MuJoCo(mjcf.Ground):
     """Longest integration step (s)."""
 
     def start(self, setting: Setting) -> MakePlant:
-        """See :class:`Piece`.
-
-        Raises:
-            UsageError: If MuJoCo is not installed.
-        """
+        """See :class:`Piece`; UsageError if MuJoCo is not installed."""
         if importlib.util.find_spec("mujoco") is None:
             raise UsageError(
                 "the plant 'mujoco' needs MuJoCo; install it: pip install 'mobman[mujoco]'"
@@ -354,17 +350,8 @@ class ContactPlant(Plant):
         return np.array([c * x - s * y, s * x + c * y, 0.0])
 
     def grip(self, ways: Array) -> Array:
-        """The friction that the driven wheels give under their present load (N).
-
-        Args:
-            ways: Horizontal unit vectors of the directions that are asked for, shape (N, 2).
-
-        Returns:
-            Shape (N,).
-
-        Raises:
-            SpecError: If the platform has no driven wheels.
-        """
+        """The friction that the driven wheels give under their present load (N), shape (N,), in the
+        directions of horizontal unit vectors, shape (N, 2); SpecError if none is driven."""
         self.look()
         platform = self.robot.platform
         driven = {platform.coordinates[i] for i in np.flatnonzero(self.now.platform_B.any(axis=1))}
@@ -389,13 +376,8 @@ class ContactPlant(Plant):
 
     def _measure(self) -> None:
         """(q, z) and the true q' of MuJoCo's state."""
-        robot, now, data, q_dot, n = (
-            self.robot,
-            self.now,
-            self._data,
-            self.q_dot,
-            self.robot.n_alpha,
-        )
+        robot, now, data = self.robot, self.now, self._data
+        q_dot, n = self.q_dot, robot.n_alpha
         now.q[self._own], q_dot[self._own] = data.qpos[self._at], data.qvel[self._dof]
         if self._pose:
             at, dof, theta = self._base_at, self._base_dof, self._pose[2]

@@ -39,11 +39,7 @@ class Amplitude(Piece):
 
     def torques(self, inertia: Array) -> Array:
         """The amplitude on every motor's axis (N m, N), by the effective inertia at each motor (kg m^2,
-        kg), shapes (nz,).
-
-        Raises:
-            SpecError: If a list has not one entry for each motor.
-        """
+        kg), shapes (nz,); SpecError if a list has not one entry for each motor."""
         value = self.acceleration if self.torque is None else self.torque
         if isinstance(value, list) and len(value) != len(inertia):
             raise SpecError(

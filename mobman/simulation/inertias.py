@@ -77,11 +77,7 @@ def bodies_named(
     robot: MobileManipulator, links: str | list[str], among: Iterable[int], what: str
 ) -> set[int]:
     """Joints of those ``among`` the robot's whose name, or that of a link that they move, fits a pattern
-    as of file names.
-
-    Raises:
-        SpecError: If a pattern fits none; ``what`` it fits none of.
-    """
+    as of file names; SpecError if a pattern fits none, ``what`` it fits none of."""
     model = robot.model
     names = {i: {model.names[i]} for i in among}
     for frame in model.frames:

@@ -126,11 +126,7 @@ class Wheels(Piece):
     """The factor times such a number."""
 
     def start(self, setting: Setting) -> Remake | None:
-        """See :class:`Piece`.
-
-        Raises:
-            SpecError: If the platform has wheels, but their radius is no field of its description.
-        """
+        """See :class:`Piece`; SpecError if the wheels' radius is no field of the description."""
         robot = setting.robot
         spec, fields = robot.spec, dict(robot.spec.platform.parameters)
         if not robot.platform.wheels:

@@ -43,10 +43,7 @@ _INVERSE = "lambda_min_M_inverse"
 
 
 def require_monitored(law: Any) -> None:
-    """
-    Raises:
-        UsageError: If the law has no sliding variables that the theorems are about.
-    """
+    """Raise UsageError if a law has no sliding variables that the theorems are about."""
     if not hasattr(law, "monitored_signals"):
         laws = controllers.loaded().items()
         having = ", ".join(sorted(name for name, own in laws if hasattr(own, "monitored_signals")))

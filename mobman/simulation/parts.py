@@ -177,12 +177,8 @@ def plant_of(
 
 
 def scenario_of(described: dict[str, Any]) -> Scenario:
-    """A scenario of a record, which has what it extends in it: no other file is read for it.
-
-    Raises:
-        RecordError: If it extends another one.
-        SpecError: If it is not a scenario.
-    """
+    """A scenario of a record, which has what it extends in it: no other file is read for it. RecordError
+    if it extends another one, SpecError if it is not a scenario."""
     if described.get("extends"):
         raise RecordError(
             "its scenario names others that it extends, which a record has no need to"
@@ -191,10 +187,7 @@ def scenario_of(described: dict[str, Any]) -> Scenario:
 
 
 def require_same(robot: MobileManipulator, run: RunSpec, role: str) -> None:
-    """
-    Raises:
-        RecordError: If a robot is not the one that the run had as its ``"robot"`` or ``"plant"``.
-    """
+    """Raise RecordError if a robot is not the one that the run had as its ``"robot"`` or ``"plant"``."""
     now = _at_start(robot, robot.checked_configuration(np.array(run.q0)))
     for name, then in run.at_start[role].items():
         new, old = np.array(now[name]), np.array(then)
@@ -243,12 +236,8 @@ def _law_of(given: Controller | str, controller: Controller) -> tuple[str, dict[
 
 def controller_of(run: RunSpec, own: Controller | type[Any] | None = None) -> Controller:
     """The controller of a run, by the name of its law, or ``own``, of which a class is made from its
-    ``Gains``; both with the run's gains.
-
-    Raises:
-        RecordError: If the file does not have the gains of the class.
-        MobmanError, TypeError: If it cannot be made.
-    """
+    ``Gains``; both with the run's gains. MobmanError or TypeError if it cannot be made, RecordError if
+    the file does not have the gains of the class."""
     if own is None:
         return make_controller(run.law, **run.gains)
     if not isinstance(own, type):
@@ -324,10 +313,7 @@ def task_of(run: RunSpec, robot: MobileManipulator, q0: Array) -> Task:
 
 
 def require_same_task(task: Task, run: RunSpec) -> None:
-    """
-    Raises:
-        RecordError: If a task, a dataclass as the run's, has other values in its fields.
-    """
+    """Raise RecordError if a task, a dataclass as the run's, has other values in its fields."""
     was, now = run.task_parameters, task_parameters(task)
     for name in [name for name in was if name in now and name != "type"]:
         try:
@@ -351,11 +337,8 @@ class NotPlainError(Exception):
 
 def as_plain(value: Any, package: str) -> Any:
     """A value for JSON: numbers, text, lists, tuples, arrays, dictionaries, and dataclasses of such
-    whose classes are those of mobman's tasks or of the module ``package``.
-
-    Raises:
-        NotPlainError: If it has something else in it; says what.
-    """
+    whose classes are those of mobman's tasks or of the module ``package``; NotPlainError says what else
+    it has in it."""
     plain = _plain(value, package)
     # JSON itself may change it: keys that are numbers become text
     if _plain(from_plain(json.loads(json.dumps(plain)), package), package) != plain:

@@ -112,11 +112,8 @@ Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 def entries(value: float | list[float], names: list[str], field: str, of: str) -> Array:
-    """A field's number for all, or list with one for each of the names, as an array.
-
-    Raises:
-        SpecError: If a list has another length; ``of`` says of what there is one for each.
-    """
+    """A field's number for all, or list with one for each of the names, as an array; SpecError if a list
+    has another length, where ``of`` says of what there is one for each."""
     if isinstance(value, list) and len(value) != len(names):
         raise SpecError(
             f"field {field!r} has {len(value)} entries; the robot has {len(names)} {of}: give one "

@@ -134,11 +134,8 @@ def error_components(m: int) -> list[str]:
 
 def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int = 4) -> bytes:
     """The content of the file of a record, given by the fields of a :class:`mobman.Record`, with every
-    so many-th sample and the last; equal records make equal bytes.
-
-    Raises:
-        UsageError: If ``every`` or ``compression`` is no such number.
-    """
+    so many-th sample and the last; equal records make equal bytes. UsageError if ``every`` or
+    ``compression`` is no such number."""
     for name, value, allowed, text in (
         ("every", every, range(1, 2**63), "1 or more"),
         ("compression", compression, range(10), "from 0 to 9"),
@@ -181,12 +178,8 @@ def most_bytes(size: int) -> float:
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a record's file: whole, or not at all.
-
-    Raises:
-        RecordError: If it cannot be written.
-        UsageError: If the path is not the name of a file.
-    """
+    """Write a record's file: whole, or not at all. RecordError if it cannot be written, UsageError if
+    the path is not the name of a file."""
     if not path.name:
         raise UsageError(f"{str(path)!r} is not the name of a file")
     try:

@@ -68,10 +68,7 @@ def read(path: str, shown: str, whole: bool) -> dict[str, Any]:
 
 
 def _check_version(attributes: h5py.AttributeManager, shown: str) -> None:
-    """
-    Raises:
-        RecordError: If the file is of another schema.
-    """
+    """Raise RecordError if the file is of another schema."""
     if "schema_version" not in attributes:
         raise RecordError(
             f"{shown} is an HDF5 file, but not a mobman record (no schema_version); allowed: a "

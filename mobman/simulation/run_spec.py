@@ -171,11 +171,7 @@ class RunSpec:
 
     @classmethod
     def of_record(cls, content: Mapping[str, Any]) -> Self:
-        """The run that a record describes.
-
-        Raises:
-            RecordError: If a field is missing, or of another type.
-        """
+        """The run that a record describes; RecordError if a field is missing, or of another type."""
         try:
             content = {**_LACKING, **content}
             optional = [name for name in _RECORDED_IF_GIVEN if name in content]
@@ -191,11 +187,8 @@ class RunSpec:
 
     @classmethod
     def of_fields(cls, content: Mapping[str, Any]) -> Self:
-        """The run of fields that a file has.
-
-        Raises:
-            ValueError: If one is missing, or of another type; in one line.
-        """
+        """The run of fields that a file has; ValueError, in one line, if one is missing, or of another
+        type."""
         try:
             return cls(**content)
         except ValidationError as error:
@@ -207,12 +200,10 @@ class RunSpec:
 
 
 def fingerprint(spec: RobotSpec) -> str:
-    """Hash of a robot's description and of what it names: URDFs and Python code.
+    """Hash of a robot's description and of what it names: URDFs and Python code; SpecError if a URDF is
+    not there.
 
     Meshes are left out, since no run depends on them, and so is the folder that all of it is in.
-
-    Raises:
-        SpecError: If a URDF is not there.
     """
     text = json.dumps(spec.model_dump(mode="json", by_alias=True), sort_keys=True)
     digest = hashlib.sha256((text + urdf_sources(spec).sha256()).encode())

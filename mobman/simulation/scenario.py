@@ -70,11 +70,8 @@ Pieces = Annotated[list[OnePiece], Field(max_length=MOST_PIECES)]
 
 
 def _piece_of(group: str, table: dict[str, Any]) -> Piece:
-    """The piece of a table, of its type's class.
-
-    Raises:
-        ValueError: If its type is missing or unknown, or one of its fields is wrong.
-    """
+    """The piece of a table, of its type's class; ValueError if its type is missing or unknown, or one of
+    its fields is wrong."""
     (what, types), name = GROUPS[group], str(table.get("type", ""))
     if not name:
         listing = ", ".join(map(repr, types.names()))

@@ -130,11 +130,7 @@ def simulate(
 
 
 def seconds(name: str, value: float) -> float:
-    """A duration as a float.
-
-    Raises:
-        UsageError: If it is not a number above 0, or of a size that is not allowed.
-    """
+    """A duration as a float; UsageError if it is not a number above 0 of a size that is allowed."""
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -147,11 +143,7 @@ def seconds(name: str, value: float) -> float:
 
 
 def whole_ticks(duration: float, dt: float) -> int:
-    """The number of periods in a run.
-
-    Raises:
-        UsageError: If there is none, or there are too many.
-    """
+    """The number of periods in a run; UsageError if there is none, or there are too many."""
     if duration > _LONGEST:
         raise UsageError(f"duration = {duration:g} s; allowed: up to {_LONGEST:g} s")
     ticks = round(duration / dt)
