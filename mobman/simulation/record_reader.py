@@ -74,14 +74,15 @@ def _check_version(attributes: h5py.AttributeManager, shown: str) -> None:
             f"{shown} is an HDF5 file, but not a mobman record (no schema_version); allowed: a "
             f"record of schema version {SCHEMA_VERSION}"
         )
-    one = attributes.get_id("schema_version").shape == ()
-    version = attributes["schema_version"] if one else "of several numbers"
-    if one and version in (SCHEMA_VERSION, *layout.EARLIER):
+    version = attributes["schema_version"]
+    if isinstance(version, np.ndarray):
+        version = "of several numbers"
+    elif version in (SCHEMA_VERSION, *layout.EARLIER):
         return
     advice = "mobman did not write it"
     if isinstance(version, (int, np.integer)) and version > 0:
-        older = version < SCHEMA_VERSION
-        advice = "run it again" if older else "a later mobman wrote it; install that"
+        later = version > SCHEMA_VERSION
+        advice = "a later mobman wrote it; install that" if later else "run it again"
     raise RecordError(
         f"{shown} has schema version {version}; this mobman reads version {SCHEMA_VERSION}: {advice}"
     )
@@ -90,6 +91,10 @@ def _check_version(attributes: h5py.AttributeManager, shown: str) -> None:
 def _require(fine: bool, otherwise: str) -> None:
     if not fine:
         raise ValueError(otherwise)
+
+
+def _require_finite(place: str, values: Array) -> None:
+    _require(bool(np.all(np.isfinite(values))), f"{place} has entries that are not finite")
 
 
 class _Reader:
@@ -120,7 +125,7 @@ class _Reader:
         joints, velocities = self._names("joint"), self._names("velocity")
         t = self._samples("t", (None,))
         _require(len(t) > 0, "t has no times")
-        _require(bool(np.all(np.isfinite(t))), "t has entries that are not finite")
+        _require_finite("t", t)
         rows = len(t)
         columns = {"joint": (len(joints),), "velocity": (len(velocities),), "": ()}
         fields: dict[str, Array] = {}
@@ -131,8 +136,7 @@ class _Reader:
                 continue
             found = self._samples(place, (rows, *columns.get(about.axis, (None,))))
             if place in _FINITE or (ok and place in _FINITE_IF_OK):
-                finite = bool(np.all(np.isfinite(found)))
-                _require(finite, f"{place} has entries that are not finite")
+                _require_finite(place, found)
             fields[about.field] = found
         position, desired = (fields[name].shape for name in ("tip_position", "tip_desired"))
         _require(
@@ -157,15 +161,18 @@ class _Reader:
 
     # Attributes ----------------------------------------------------------------------------------
 
-    def _attribute(self, name: str) -> h5py.h5a.AttrID:
+    def _attribute(self, name: str, kind: type, what: str) -> Any:
+        """An attribute's value of a type, which messages call ``what``."""
         _require(name in self._attributes, f"its attribute {name!r} is missing")
-        return self._attributes.get_id(name)
+        value = self._attributes[name]
+        _require(isinstance(value, kind), f"its attribute {name!r} is no {what}")
+        return value
+
+    def _integer(self, name: str) -> int:
+        return int(self._attribute(name, np.integer, "whole number"))
 
     def _text(self, name: str) -> str:
-        found = self._attribute(name)
-        is_text = h5py.check_string_dtype(found.dtype) is not None and found.shape == ()
-        _require(is_text, f"its attribute {name!r} is no text")
-        text = _unicode(str(self._attributes[name]), f"its attribute {name!r}")
+        text = _unicode(self._attribute(name, str, "text"), f"its attribute {name!r}")
         _require(len(text) <= _LONGEST, f"its attribute {name!r} has {len(text)} characters")
         return text
 
@@ -182,23 +189,15 @@ class _Reader:
         _require(not deep, f"its attribute {name!r} is nested too deeply")
         return text
 
-    def _integer(self, name: str) -> int:
-        found = self._attribute(name)
-        whole = found.dtype.kind in "iu" and found.shape == ()
-        _require(whole, f"its attribute {name!r} is no whole number")
-        return int(self._attributes[name])
-
     def _signals(self) -> list[str]:
-        found = self._attribute("signals")
-        is_list = len(found.shape) == 1 and found.shape[0] <= _MOST_NAMES
-        is_text = h5py.check_string_dtype(found.dtype) is not None or found.shape[:1] == (0,)
-        _require(is_list and is_text, "its attribute 'signals' is no list of names")
-        listed = self._attributes["signals"] if found.shape[0] else ()
-        names = [_unicode(str(name), "a signal") for name in listed]
+        names = self._attribute("signals", np.ndarray, "list of names").tolist()
+        is_list = isinstance(names, list) and len(names) <= _MOST_NAMES
+        is_list = is_list and all(isinstance(name, str) for name in names)
+        _require(is_list, "its attribute 'signals' is no list of names")
         for name in names:
-            own = name.partition("/")[0] in layout.OWN_PLACES
+            own = _unicode(name, "a signal").partition("/")[0] in layout.OWN_PLACES
             _require(not own, f"its signal {name!r} has the name of another part of a record")
-        return names
+        return [str(name) for name in names]
 
     def _metrics(self) -> dict[str, float]:
         """Metrics, read by HDF5's own functions, since indices of suites read many files."""
