@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -281,7 +281,8 @@ def _compare(record: Record, again: Record, tolerance: float) -> Iterator[Compar
     """Everything of a record, which may be decimated, but how long the controller took.
 
     A run that ended early has run away exponentially, and with it every difference in rounding: unless
-    it is bit for bit, only the first half of its samples is judged, and not its metrics.
+    it is bit for bit, only the first half of its samples is judged, and not its metrics. Another version
+    may have more settings and metrics, or fewer.
     """
     exact = tolerance == 0.0
     early = not exact and not record.ok
@@ -301,61 +302,40 @@ def _compare(record: Record, again: Record, tolerance: float) -> Iterator[Compar
     yield _unlike("t at the end", where, same, early, abs(ends[0] - ends[1]))
     if early:
         rows = rows[: (len(rows) + 1) // 2]
-    ours = {place: values[: len(rows)] for place, values in _samples(record).items()}
-    theirs = {place: values[rows] for place, values in _samples(again).items()}
+    slack = 0.0 if exact else _TICKS * float(record.spec["dt"])
+    times = {metric.name for metric in list_metrics() if metric.unit == "s"}
     loose = {"torque", *record.signals}
-    yield from _compared("", ours, theirs, tolerance, loose=loose, record=record)
-    settings = as_in_file(record.settings), as_in_file(again.settings)
-    yield from _compared("settings/", *settings, tolerance, one_sided=exact)
-    if not early:
-        slack = 0.0 if exact else _TICKS * float(record.spec["dt"])
-        times = {metric.name: slack for metric in list_metrics() if metric.unit == "s"}
-        metrics = _without_timing(record.metrics), _without_timing(again.metrics)
-        loose = {name for name in metrics[0] if name.startswith("torque")}
-        options: dict[str, Any] = {"loose": loose, "slack": times, "one_sided": exact}
-        yield from _compared("metrics/", *metrics, tolerance, **options)
+    loose |= {f"metrics/{name}" for name in record.metrics if name.startswith("torque")}
+    groups: dict[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {
+        "": (_samples(record, slice(len(rows))), _samples(again, rows)),
+        "settings/": (as_in_file(record.settings), as_in_file(again.settings)),
+        "metrics/": ({}, {}) if early else (record.metrics, again.metrics),
+    }
+    for prefix, (old, new) in groups.items():
+        for name in dict.fromkeys((*old, *new)):
+            if name.startswith(_TIMING) and prefix != "settings/":
+                continue
+            if name in old and name in new:
+                pair = old[name], new[name], tolerance * (LOOSER if prefix + name in loose else 1.0)
+                more = slack if prefix == "metrics/" and name in times else 0.0
+                yield _pair(prefix + name, *pair, more, None if prefix else record)
+            elif exact or not prefix:
+                side = "in the file only" if name in old else "in the repetition only"
+                yield _unlike(prefix + name, side, False)
+
+
+def _samples(record: Record, rows: Any) -> dict[str, Array]:
+    """Some rows of a record's samples, by their places."""
+    found = {
+        place: getattr(record, about.field) for place, about in places_of(vars(record)).items()
+    }
+    return {place: x[rows] for place, x in {"t": record.t, **found, **record.signals}.items()}
 
 
 def _unlike(
     name: str, where: str, same: bool, allowed: bool = False, difference: float = math.nan
 ) -> Compared:
     return Compared(name, True, True) if same else Compared(name, False, allowed, difference, where)
-
-
-def _samples(record: Record) -> dict[str, Array]:
-    places = places_of(vars(record))
-    found = {place: getattr(record, about.field) for place, about in places.items()}
-    return _without_timing({"t": record.t, **found, **record.signals})
-
-
-def _without_timing(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if not name.startswith(_TIMING)}
-
-
-def _compared(
-    prefix: str,
-    was: Mapping[str, Any],
-    now: Mapping[str, Any],
-    tolerance: float,
-    *,
-    loose: Collection[str] = (),
-    slack: Mapping[str, float] | None = None,
-    one_sided: bool = True,
-    record: Record | None = None,
-) -> Iterator[Compared]:
-    """Values by name, in the file and of the repetition: arrays, numbers, lists of these, or texts.
-
-    Those in ``loose`` may differ more, and some by a ``slack`` in addition. Unless ``one_sided``,
-    another version may have more of them, or fewer. Samples are given with their record.
-    """
-    for name in dict.fromkeys((*was, *now)):
-        if name in was and name in now:
-            allowed = tolerance * (LOOSER if name in loose else 1.0)
-            more = (slack or {}).get(name, 0.0)
-            yield _pair(prefix + name, was[name], now[name], allowed, more, record)
-        elif one_sided:
-            side = "in the file only" if name in was else "in the repetition only"
-            yield _unlike(prefix + name, side, False)
 
 
 def _pair(
