@@ -23,11 +23,11 @@ from mobman.model.orientation import NOT_UNIT, OrientationError, Turn, pointing_
 from mobman.model.task_map import TaskMap
 from mobman.simulation.actuation import ActuationChain
 from mobman.simulation.integrator import Divergence, TickIntegrator, divergence
-from mobman.simulation.kinematics import MeasuredTip
 from mobman.simulation.pieces import Setting
 from mobman.simulation.plant import NOT_DEFINITE, require_success
 from mobman.simulation.record_file import APPLIED, OWN_PLACES
 from mobman.simulation.scenario import GivenPlant, Scenario, true_plant
+from mobman.simulation.sensors import MeasuredTip
 from mobman.tasks.task import Task, require_freedom, task_entry, task_map_of
 
 Observer = Callable[[float, Array, Array, Array], None]

@@ -14,7 +14,7 @@ from mobman.controllers.motors import (
     predict_acceleration,
 )
 from mobman.errors import GainError
-from mobman.simulation.inertias import true_robot
+from mobman.simulation.differences import true_robot
 
 DT = 1e-3
 

@@ -11,7 +11,7 @@ from support.runs import Still, Torque
 
 import mobman as mm
 from mobman.errors import MobmanError, SingularityError, UsageError
-from mobman.simulation.inertias import true_robot
+from mobman.simulation.differences import true_robot
 
 ARRAYS = ("t", "q", "z", "torque", "tip_position", "task_error", "auxiliary_error", "compute_time")
 

@@ -10,7 +10,7 @@ from support.states import random_states
 
 import mobman as mm
 from mobman.errors import SpecError
-from mobman.simulation.inertias import carried_mass
+from mobman.simulation.differences import carried_mass
 from mobman.simulation.scenario import Scenario
 
 

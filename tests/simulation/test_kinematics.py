@@ -13,7 +13,7 @@ from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import SpecError
 from mobman.model.dynamics import Buffers
 from mobman.simulation import rerun
-from mobman.simulation.kinematics import Encoders, MeasuredTip
+from mobman.simulation.sensors import Encoders, MeasuredTip
 
 WHEELED = [
     *("tiago_no_hand", "youbot", "jackal_z1", "hunter_ur10", "youbot_mecanum", "lekiwi_so101"),

@@ -11,7 +11,7 @@ from support.runs import Still, Torque, hand_made_run
 
 import mobman as mm
 from mobman.model.criterion import Posture
-from mobman.simulation.inertias import true_robot
+from mobman.simulation.differences import true_robot
 from mobman.simulation.metrics import compute_metrics, list_metrics, metrics
 
 

@@ -8,7 +8,7 @@ import pytest
 from support.states import random_states
 
 import mobman as mm
-from mobman.simulation.inertias import true_robot
+from mobman.simulation.differences import true_robot
 from mobman.simulation.plant import Plant
 
 

@@ -20,7 +20,7 @@ from mobman import provenance
 from mobman.controllers.protocol import controllers
 from mobman.errors import RecordError
 from mobman.robots import catalogue
-from mobman.simulation.inertias import true_robot
+from mobman.simulation.differences import true_robot
 from mobman.simulation.rerun import Own, repeat, verify
 from mobman.tasks.circle import Circle
 from mobman.tasks.task import tasks

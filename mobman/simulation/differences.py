@@ -1,4 +1,5 @@
-"""Differences between the true links' masses and inertias and those that the controller supposes."""
+"""Differences of the true robot from the one that the controller supposes: dimensions, masses and
+inertias."""
 
 from __future__ import annotations
 
@@ -12,14 +13,161 @@ from pydantic import Field, model_validator
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
+from mobman.model.build import platform_with
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.simulation.mjcf import unit_twist
 from mobman.simulation.pieces import Factor, Piece, Setting, Spread, Triple, some_given, types_of
+
+Remake = Callable[[MobileManipulator], MobileManipulator]
+"""Makes of a robot the one with the true dimensions."""
+
+kinematics = types_of("type of kinematics", "mobman.kinematics")
+"""Types of other dimensions; each starts as a :data:`Remake`, or None."""
+
+
+class _Joints(Piece):
+    """Base of pieces that change some of the arm's joints, each by a draw of its own."""
+
+    links: str | Annotated[list[str], Field(min_length=1)] = "*"
+    """Names of the joints, or of the links behind them; ``*``, ``?`` and ``[...]`` as in file names."""
+
+    def start(self, setting: Setting) -> Remake:
+        robot = setting.robot
+        arm = [i for i in range(1, robot.nq + 1) if robot.model.joints[i].idx_q in robot.arm.joints]
+        chosen = bodies_named(robot, self.links, arm, "joint of the arm")
+        draws = setting.random.uniform(-1.0, 1.0, robot.nq + 1)  # for all, whatever is chosen
+
+        def remake(true: MobileManipulator) -> MobileManipulator:
+            model = true.model.copy()
+            for i in chosen:
+                self.change(model, i, float(draws[i]))
+            return true.with_model(model)
+
+        return remake
+
+    def change(self, model: pin.Model, joint: int, draw: float) -> None:
+        """Change a joint's placement, by a draw from [-1, 1]."""
+        raise NotImplementedError
+
+
+@kinematics.register("links")
+class LinkLengths(_Joints):
+    """Factors of the links' lengths: of how far each joint of the arm is from the one before it.
+
+    Masses and inertias stay with the joints.
+    """
+
+    factor: Factor = 1.0
+    """True length over the nominal one."""
+    spread: Spread = 0.0
+    """The factor times a number from [1 - spread, 1 + spread], for each joint its own."""
+
+    def change(self, model: pin.Model, joint: int, draw: float) -> None:
+        place = model.jointPlacements[joint]
+        place.translation = self.factor * (1.0 + self.spread * draw) * place.translation
+
+
+@kinematics.register("zeros")
+class Zeros(_Joints):
+    """Other zeros of the arm's joints than those that the controller supposes."""
+
+    offset: float = 0.0
+    """True angle (or way) of each joint less the measured one (rad, m)."""
+    spread: float = Field(0.0, ge=0)
+    """The offset plus a number from [-spread, spread], for each joint its own (rad, m)."""
+
+    def change(self, model: pin.Model, joint: int, draw: float) -> None:
+        twist = pin.Motion((self.offset + self.spread * draw) * unit_twist(model, joint))
+        model.jointPlacements[joint] = model.jointPlacements[joint] * pin.exp6(twist)
+
+
+@kinematics.register("tool")
+class Tool(Piece):
+    """Another place of the tip on the link that carries it."""
+
+    factor: Factor = 1.0
+    """True distance of the tip from the last joint over the nominal one."""
+    spread: Spread = 0.0
+    """The factor times a number from [1 - spread, 1 + spread]."""
+    offset: Triple = [0.0, 0.0, 0.0]
+    """Shift of the tip, in its own axes, in addition (m)."""
+
+    def start(self, setting: Setting) -> Remake:
+        factor = self.factor * (1.0 + self.spread * setting.random.uniform(-1.0, 1.0))
+
+        def remake(true: MobileManipulator) -> MobileManipulator:
+            model = true.model.copy()
+            placement = model.frames[true.tip_frame].placement
+            shift = placement.rotation @ np.array(self.offset)
+            placement.translation = factor * placement.translation + shift
+            return true.with_model(model)
+
+        return remake
+
+
+@kinematics.register("wheels")
+class Wheels(Piece):
+    """Another radius and another track of the platform's wheels, on platforms that have them.
+
+    What the controller commands are the torques of the motors that it would have on the nominal wheels,
+    and what tells it z are the encoders of wheels and joints.
+    """
+
+    radius: Factor = 1.0
+    """True radius over the nominal one."""
+    radius_spread: Spread = 0.0
+    """The factor times a number from [1 - spread, 1 + spread]."""
+    track: Factor = 1.0
+    """True distance of the right and the left wheels over the nominal one."""
+    track_spread: Spread = 0.0
+    """The factor times such a number."""
+
+    def start(self, setting: Setting) -> Remake | None:
+        """See :class:`Piece`; SpecError if the wheels' radius is no field of the description."""
+        robot = setting.robot
+        spec, fields = robot.spec, dict(robot.spec.platform.parameters)
+        if not robot.platform.wheels:
+            return None
+        if "wheel_radius" not in fields:
+            raise SpecError(
+                f"a platform of type {spec.platform.type!r} has no field 'wheel_radius' of which "
+                "another one could be made; give the true robot as the run's plant"
+            )
+        draw = setting.random.uniform(-1.0, 1.0, 2)
+        track = self.track * (1.0 + self.track_spread * draw[1])
+        fields["wheel_radius"] *= self.radius * (1.0 + self.radius_spread * draw[0])
+        if "half_track" in fields:
+            fields["half_track"] *= track
+        platform = platform_with(robot, fields, track)
+
+        def remake(true: MobileManipulator) -> MobileManipulator:
+            model, base = true.model.copy(), true.model.getJointId(platform.base_joints[-1])
+            rolling = set(platform.coordinates)
+            shift, middle = platform.root_offset - true.platform.root_offset, platform.root_offset
+            body = model.inertias[base]
+            model.inertias[base] = pin.Inertia(body.mass, body.lever + shift, body.inertia)
+            for i in range(1, model.njoints):
+                if model.parents[i] != base:
+                    continue
+                place = model.jointPlacements[i].translation + shift
+                if model.names[i] in rolling:
+                    place[1] = middle[1] + track * (place[1] - middle[1])
+                model.jointPlacements[i].translation = place
+            for frame in model.frames:
+                if frame.parentJoint == base:
+                    frame.placement.translation = frame.placement.translation + shift
+            return true.with_model(model, platform)
+
+        return remake
+
+
+# Masses and inertias -----------------------------------------------------------------------------------
 
 Change = Callable[[pin.Model], None]
 """Changes the true robot's inertias in place."""
 
 inertias = types_of("type of inertias", "mobman.inertias")
-"""Types of differences; each starts as a :data:`Change`."""
+"""Types of other inertias; each starts as a :data:`Change`, or None."""
 
 
 @inertias.register("links")
