@@ -23,7 +23,6 @@ from mobman.tasks.task import Task
 STEADY = 0.7
 """The steady part of a run starts at this fraction of its duration."""
 
-_BATCH = 100  # Jacobians whose singular values are found in one call
 _PERIOD = 0.01  # s: between two evaluations of the extended Jacobian
 _REACHING = 1.0  # s: torque steps are judged after it
 
@@ -255,19 +254,14 @@ _redundancy(
 )
 def lambda_min(run: Run) -> float:
     """0 where the run met a kinematic singularity."""
-    extended = ExtendedJacobian(run.robot, run.task_map, run.criterion)
-    ticks = range(0, len(run.q), max(1, round(_PERIOD / run.dt)))
-    least = math.inf
-    for some in (ticks[i : i + _BATCH] for i in range(0, len(ticks), _BATCH)):
-        jacobians = np.empty((len(some), run.robot.nz, run.robot.nz))
-        for jacobian, tick in zip(jacobians, some, strict=True):
-            try:
-                extended.at(run.q[tick], run.z[tick])
-            except SingularityError:
-                return 0.0
-            jacobian[:] = extended.J
-        least = min(least, float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()) ** 2)
-    return least
+    extended, least = ExtendedJacobian(run.robot, run.task_map, run.criterion), math.inf
+    for tick in range(0, len(run.q), max(1, round(_PERIOD / run.dt))):
+        try:
+            extended.at(run.q[tick], run.z[tick])
+        except SingularityError:
+            return 0.0
+        least = min(least, float(np.linalg.svd(extended.J, compute_uv=False)[-1]))
+    return least**2
 
 
 @_redundancy(

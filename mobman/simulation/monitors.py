@@ -31,7 +31,7 @@ from mobman.arrays import Array
 from mobman.controllers.bounds import rate_along
 from mobman.controllers.protocol import controllers
 from mobman.errors import SingularityError, UsageError
-from mobman.simulation.metrics import Run, metric
+from mobman.simulation.metrics import Function, Run, metric
 from mobman.simulation.singularity import Jacobians
 
 STAGES = ("kinematic", "dynamic")
@@ -260,61 +260,57 @@ def least_of(values: Array) -> float:
     return float(np.nanmin(values)) if np.isfinite(values).any() else math.nan
 
 
-# Metrics of each stage: how far what the theorems suppose was from failing ---------------------------
-
-_OfStage = Callable[[Run, str], float]
+# Metrics ----------------------------------------------------------------------------------------------
 
 
-def _theorems(
-    name: str, unit: str, description: str, better: str = "lower"
-) -> Callable[[_OfStage], None]:
-    """Decorator: register a function of a run and a stage as a metric of each."""
+def _add_metrics(stage: str) -> None:
+    """Register the metrics of a stage: how far what the theorems suppose was from failing."""
 
-    def register(function: _OfStage) -> None:
-        for stage in STAGES:
+    def add(
+        name: str, unit: str, description: str, better: str = "lower"
+    ) -> Callable[[Function], Function]:
+        return metric(
+            *(f"{name}_{stage}", unit, f"{stage} stage: {description}", better),
+            section="theorems",
+            applies=lambda run: "monitors/margin_dynamic" in run.monitors,
+        )
 
-            @metric(
-                *(f"{name}_{stage}", unit, f"{stage} stage: {description}", better),
-                section="theorems",
-                applies=lambda run: "monitors/margin_dynamic" in run.monitors,
-            )
-            def _(run: Run, stage: str = stage) -> float:
-                return function(run, stage)
+    def of(run: Run, name: str) -> Array:
+        return run.monitors[f"monitors/{name}_{stage}"]
 
-    return register
+    add("gain_margin", "1", "least of what the gain gives over what is needed", "higher")(
+        lambda run: least_of(of(run, "margin"))
+    )
+    add("regularity", "1", "least lambda_min of (22), (54) or (64) over a or A", "higher")(
+        lambda run: least_of(of(run, "regularity"))
+    )
+    add("bound_ratio", "1", "largest left side of (41) or (53) over W or chi")(
+        lambda run: float(np.nanmax(bound_ratio(run.monitors, stage), initial=0.0))
+    )
+    add("bound_exceeded", "1", "share of the ticks at which (41) or (53) does not hold")(
+        lambda run: float(np.mean(bound_ratio(run.monitors, stage) > 1.0))
+    )
+    add("off_manifold", "1", "share of the ticks at which the unit vector is not inside its ball")(
+        lambda run: float(np.mean(of(run, "unit") >= BALL))
+    )
+    add("reaching_bound", "s", "time by which it is, by Theorem 1, 2 or 4", "")(
+        lambda run: float(of(run, "reaching")[0])
+    )
+
+    @add("decrease_missed", "1", "share of those at which V falls more slowly than (42) or (63)")
+    def _(run: Run) -> float:
+        rate, bound = of(run, "V_rate"), of(run, "V_rate_bound")
+        known = np.isfinite(rate)
+        return float(np.mean(rate[known] > bound[known])) if known.any() else 0.0
+
+    @add("reaching_time", "s", "first time on the manifold; inf if it is not reached")
+    def _(run: Run) -> float:
+        """The unit vector is inside its ball, or the sliding variable has turned."""
+        s = run.monitors["sliding/s" if stage == "kinematic" else "sliding/S"]
+        turned = np.append(False, np.sum(s[1:] * s[:-1], axis=1) <= 0.0)
+        reached = np.flatnonzero(turned | (of(run, "unit") < BALL))
+        return float(run.t[reached[0]]) if len(reached) else math.inf
 
 
-_theorems("gain_margin", "1", "least of what the gain gives over what is needed", "higher")(
-    lambda run, stage: least_of(run.monitors[f"monitors/margin_{stage}"])
-)
-_theorems("regularity", "1", "least lambda_min of (22), (54) or (64) over a or A", "higher")(
-    lambda run, stage: least_of(run.monitors[f"monitors/regularity_{stage}"])
-)
-_theorems("bound_ratio", "1", "largest left side of (41) or (53) over W or chi")(
-    lambda run, stage: float(np.nanmax(bound_ratio(run.monitors, stage), initial=0.0))
-)
-_theorems("bound_exceeded", "1", "share of the ticks at which (41) or (53) does not hold")(
-    lambda run, stage: float(np.mean(bound_ratio(run.monitors, stage) > 1.0))
-)
-_theorems(
-    "off_manifold", "1", "share of the ticks at which the unit vector is not inside its ball"
-)(lambda run, stage: float(np.mean(run.monitors[f"monitors/unit_{stage}"] >= BALL)))
-_theorems("reaching_bound", "s", "time by which it is, by Theorem 1, 2 or 4", "")(
-    lambda run, stage: float(run.monitors[f"monitors/reaching_{stage}"][0])
-)
-
-
-@_theorems("decrease_missed", "1", "share of those at which V falls more slowly than (42) or (63)")
-def decrease_missed(run: Run, stage: str) -> float:
-    rate, bound = (run.monitors[f"monitors/V_rate{name}_{stage}"] for name in ("", "_bound"))
-    known = np.isfinite(rate)
-    return float(np.mean(rate[known] > bound[known])) if known.any() else 0.0
-
-
-@_theorems("reaching_time", "s", "first time on the manifold; inf if it is not reached")
-def reaching_time(run: Run, stage: str) -> float:
-    """The unit vector is inside its ball, or the sliding variable has turned."""
-    s = run.monitors["sliding/s" if stage == "kinematic" else "sliding/S"]
-    turned = np.append(False, np.sum(s[1:] * s[:-1], axis=1) <= 0.0)
-    reached = np.flatnonzero(turned | (run.monitors[f"monitors/unit_{stage}"] < BALL))
-    return float(run.t[reached[0]]) if len(reached) else math.inf
+for _stage in STAGES:
+    _add_metrics(_stage)

@@ -150,11 +150,7 @@ class Record(Displayed, RecordSummary):
         return file
 
     def to_bytes(self, *, every: int = 1, compression: int = 4) -> bytes:
-        """The content of the file that :meth:`save` writes.
-
-        Raises:
-            UsageError: If ``every`` or ``compression`` is no such number.
-        """
+        """The content of the file that :meth:`save` writes, with its UsageError."""
         return file_content(vars(self), every=every, compression=compression)
 
     def to_xarray(self) -> xr.DataTree:
@@ -260,16 +256,15 @@ class Record(Displayed, RecordSummary):
             limits = robot_of(RunSpec.of_record(self.spec).description, self.urdf).limits
         except MobmanError:
             return {}
-        bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
-        lower, upper = limits.lower[bounded], limits.upper[bounded]
+        with np.errstate(invalid="ignore"):  # inf - inf
+            middle, half = (0.5 * (limits.upper + sign * limits.lower) for sign in (1.0, -1.0))
         torque = self.signals.get(APPLIED, self.torque)
-        kinds = {
-            "position": (self.q[:, bounded] - 0.5 * (lower + upper), 0.5 * (upper - lower)),
-            "velocity": (self.z, limits.velocity),
-            "torque": (torque, limits.torque),
-        }
         found = {}
-        for kind, (values, limit) in kinds.items():
+        for kind, values, limit in (
+            ("position", self.q - middle, half),
+            ("velocity", self.z, limits.velocity),
+            ("torque", torque, limits.torque),
+        ):
             stated = np.isfinite(limit) & (limit > 0.0)
             if stated.any():
                 found[kind] = (np.abs(values[:, stated]) / limit[stated]).max(axis=1)

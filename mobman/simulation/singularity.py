@@ -68,6 +68,11 @@ class Singularity:
         return {name: value for name, value in known.items() if value == value}  # not NaN
 
 
+def sigma_min(matrix: Array) -> float:
+    """Least singular value of a matrix."""
+    return float(np.linalg.svd(matrix, compute_uv=False)[-1])
+
+
 class Jacobians:
     """J and J_e of a robot and its task at configurations that follow each other."""
 
@@ -83,10 +88,10 @@ class Jacobians:
         spaces = {"J": TaskSpace(robot, task, criterion), "J_e": TaskSpace(robot, task)}
         return {name: math.sqrt(jacobian_bound(robot, task, own)) for name, own in spaces.items()}
 
-    def sigmas(self) -> dict[str, float]:
-        """Least singular values."""
-        parts = {"J_e": self.extended.J[: self.m], "J": self.extended.J}
-        return {name: float(np.linalg.svd(J, compute_uv=False)[-1]) for name, J in parts.items()}
+    def sigmas(self) -> tuple[float, float]:
+        """Least singular values of J_e and J."""
+        J_e, J = self.extended.J[: self.m], self.extended.J
+        return sigma_min(J_e), sigma_min(J)
 
     def stiffness(self) -> float:
         """Least eigenvalue of N (H + D) N^T, symmetrised, on the motions that leave the tip at rest; inf
@@ -116,8 +121,7 @@ def verdict(run: Run, extended: bool, error: SingularityError | None) -> Singula
     where = nearest_limit(run.robot, run.q[left])
     if error is not None and error.matrix in ("M", "B"):
         robot = run.plant if error.matrix == "M" else run.robot
-        matrix = getattr(robot.dynamics(run.q[last], run.z[last]), error.matrix)
-        sigma = float(np.linalg.svd(matrix, compute_uv=False)[-1])
+        sigma = sigma_min(getattr(robot.dynamics(run.q[last], run.z[last]), error.matrix))
         found = Singularity(error.matrix, run.t[last], sigma, math.nan, *where)
         return found if left == last else None
     first = max(0, left - round(_AFTERMATH / run.dt))
@@ -144,17 +148,15 @@ def verdict(run: Run, extended: bool, error: SingularityError | None) -> Singula
 
 def _along(jacobians: Jacobians, states: Array) -> tuple[dict[str, Array], Array]:
     """Least singular values along configurations, and the signs of the determinant."""
-    rows: list[dict[str, float]] = []
-    signs: list[float] = []
+    rows: list[tuple[float, float, float]] = []
     for q in states:
         try:
             jacobians.extended.at(q, np.zeros(len(jacobians.extended.f)))
-            rows.append(jacobians.sigmas())
-            signs.append(jacobians.sign())
+            rows.append((*jacobians.sigmas(), jacobians.sign()))
         except SingularityError:
-            rows.append({"J_e": 0.0, "J": 0.0})
-            signs.append(signs[-1] if signs else 1.0)
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, np.array(signs)
+            rows.append((0.0, 0.0, rows[-1][2] if rows else 1.0))
+    tip, both, signs = np.array(rows).T
+    return {"J_e": tip, "J": both}, signs
 
 
 def left_its_task(run: Run) -> int:
@@ -274,7 +276,7 @@ def predict_singularity(
             sign = sign or here
             ended = here != sign or not step > _SMALLEST
             if ended or not rows or step < longest or t >= rows[-1][0] + _BETWEEN:
-                rows.append((t, q, *jacobians.sigmas().values(), jacobians.stiffness()))
+                rows.append((t, q, *jacobians.sigmas(), jacobians.stiffness()))
             q, t = q + step * rate(t + 0.5 * step, q + 0.5 * step * q_dot), t + step
         except (SingularityError, np.linalg.LinAlgError):
             rows.append((t, q, 0.0, 0.0, 0.0))
