@@ -45,11 +45,10 @@ def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]
             parameters, grids, overrides, and runs that are there twice under different names or with
             different gains.
     """
-    problems = _Problems(suite.name, lines)
-    expansion = _Expansion(suite, problems)
+    expansion = _Expansion(suite, lines)
     expansion.check()
     planned = expansion.resolve(list(expansion.planned()))
-    problems.require_none()
+    expansion.require_sound()
     runs: dict[str, RunSpec] = {}
     by_name: dict[tuple[Any, ...], str] = {}
     for plan in planned:
@@ -58,12 +57,12 @@ def runs_of(suite: SuiteTables, lines: TomlLines | None = None) -> list[RunSpec]
         for field, names in (("label", "labels"), ("task", "labels"), ("robot", "robots")):
             first, second = getattr(other, field), getattr(run, field)
             if first != second:
-                problems.note(f"{plan.where}: {names} {first!r} and {second!r} are the same run")
+                expansion.note(f"{plan.where}: {names} {first!r} and {second!r} are the same run")
         if by_name.setdefault((run.cell, run.label, run.seed), run.run_id) != run.run_id:
-            problems.note(f"{plan.where}: {run} is asked for twice, with other gains")
+            expansion.note(f"{plan.where}: {run} is asked for twice, with other gains")
     if not runs:
-        problems.note("its groups and overrides leave no run")
-    problems.require_none()
+        expansion.note("its groups and overrides leave no run")
+    expansion.require_sound()
     return list(runs.values())
 
 
@@ -74,94 +73,11 @@ def number_of_runs(suite: SuiteTables, lines: TomlLines | None = None) -> int:
         SpecError: With all names that are unknown, grids that are not valid, and overrides that fit no
             run.
     """
-    problems = _Problems(suite.name, lines)
+    expansion = _Expansion(suite, lines)
     with without_code():
-        plans = _Expansion(suite, problems).planned()
-        found = {plan._replace(where="", gains=None) for plan in plans}
-    problems.require_none()
+        found = {plan._replace(where="", gains=None) for plan in expansion.planned()}
+    expansion.require_sound()
     return len(found)
-
-
-class _Problems:
-    """Faults of a suite, each once and in the order in which they are met."""
-
-    def __init__(self, suite: str, lines: TomlLines | None) -> None:
-        self._suite, self._lines = suite, lines
-        self._found: dict[str, None] = {}
-
-    def note(self, problem: str) -> None:
-        self._found[problem] = None
-
-    def attempt(
-        self, where: str, function: Callable[..., T], /, *arguments: Any, **options: Any
-    ) -> T | None:
-        """The result of a function; None, with its error noted, if it raises one of mobman's."""
-        try:
-            return function(*arguments, **options)
-        except MobmanError as error:
-            text = str(error)
-            self.note(text if text.startswith(f"{where}:") else f"{where}: {text}")
-            return None
-
-    def require_none(self) -> None:
-        """Raise a SpecError with all that was noted, if anything was."""
-        if self._found:
-            faults, heading = list(self._found), f"suite {self._suite!r}"
-            if self._lines is not None:
-                words = {fault: found[1] for fault in faults if (found := _UNKNOWN.search(fault))}
-                faults = at_lines({f: _place_of(f) for f in faults}, self._lines, words)
-            raise SpecError(f"{heading}: {'; '.join(faults)}", heading, faults)
-
-
-_UNKNOWN = re.compile(r"\bunknown [^']*'([^']+)'")
-_NUMBERED = re.compile(r"\b(groups|overrides)\.(\d+)")
-_LABELLED = re.compile(r"(controller|task|scenario)s?[ .]'?([A-Za-z0-9_.-]+)")
-
-
-def _place_of(fault: str) -> Place:
-    """The table of the suite's file that a fault names; () if it names none."""
-    if found := _NUMBERED.search(fault):
-        return found[1], int(found[2])
-    found = _LABELLED.match(fault)
-    return (f"{found[1]}s", found[2]) if found else ()
-
-
-class _Table:
-    """The controllers, tasks or scenarios of a suite, its grids multiplied out: fields by name, names by
-    the label that stands for them, and the label of each name."""
-
-    def __init__(self, suite: SuiteTables, kind: str, field: str, problems: _Problems) -> None:
-        self.fields: dict[str, dict[str, Any]] = {}
-        self.members: dict[str, list[str]] = {}
-        entries: dict[str, Any] = getattr(suite, kind)
-        for label, entry in entries.items():
-            where = f"{kind}.{label}"
-            own = problems.attempt(where, expand, label, getattr(entry, field), entry.grid) or {}
-            for name in own.keys() & self.fields.keys():
-                problems.note(f"{where}: {name!r} is the name of another entry, too")
-            self.fields |= own
-            self.members[label] = list(own)
-        self.labels = {name: label for label, names in self.members.items() for name in names}
-
-
-def _is_sound(name: str) -> bool:
-    """True if a robot that a pattern means can be used; a user's that cannot is named in a warning."""
-    if origin_of(name) == "mobman":
-        return True
-    try:
-        build_robot(find_spec(name))
-    except MobmanError as error:
-        _leave_out(name, error)
-        return False
-    return True
-
-
-def _leave_out(name: str, error: MobmanError) -> None:
-    """Say once that a robot, which no suite names, is in none."""
-    text = f"robot {name!r} is left out of the suite: {error}"
-    if text not in _said:
-        _said.add(text)
-        warnings.warn(text, stacklevel=2)
 
 
 class _Plan(NamedTuple):
@@ -184,23 +100,69 @@ class _Plan(NamedTuple):
         return self.label, json.dumps(self.gains, sort_keys=True, default=str)
 
 
-class _Expansion:
-    """The runs of a suite; each thing that several of them share is made once."""
+class _Table:
+    """The controllers, tasks or scenarios of a suite, its grids multiplied out: fields by name, names by
+    the label that stands for them, and the label of each name."""
 
-    def __init__(self, suite: SuiteTables, problems: _Problems) -> None:
-        self._suite, self._problems = suite, problems
-        self._controllers = _Table(suite, "controllers", "gains", problems)
-        self._tasks = _Table(suite, "tasks", "parameters", problems)
-        self._scenarios = _Table(suite, "scenarios", "fields", problems)
+    def __init__(self, entries: Mapping[str, Any], kind: str, field: str, own: _Expansion) -> None:
+        self.fields: dict[str, dict[str, Any]] = {}
+        self.members: dict[str, list[str]] = {}
+        for label, entry in entries.items():
+            where = f"{kind}.{label}"
+            found = own.attempt(where, expand, label, getattr(entry, field), entry.grid) or {}
+            for name in found.keys() & self.fields.keys():
+                own.note(f"{where}: {name!r} is the name of another entry, too")
+            self.fields |= found
+            self.members[label] = list(found)
+        self.labels = {name: label for label, names in self.members.items() for name in names}
+
+
+class _Expansion:
+    """The runs of a suite, and its faults; each thing that several runs share is made once."""
+
+    def __init__(self, suite: SuiteTables, lines: TomlLines | None) -> None:
+        self._suite, self._lines = suite, lines
+        self._faults: dict[str, None] = {}  # each once, in the order in which they are met
+        self._controllers = _Table(suite.controllers, "controllers", "gains", self)
+        self._tasks = _Table(suite.tasks, "tasks", "parameters", self)
+        self._scenarios = _Table(suite.scenarios, "scenarios", "fields", self)
         self._named: set[str] = set()  # robots that the suite names, rather than by a pattern
+        self._robots: dict[str, Any] = {}
+        self._placed: dict[tuple[str, str], Any] = {}
+        self._resolved_scenarios: dict[str, Any] = {}
+        self._laws: dict[tuple[str, str], Any] = {}
+        self._codes: dict[tuple[str, ...], str] = {}
+
+    def note(self, fault: str) -> None:
+        """Keep a fault."""
+        self._faults[fault] = None
+
+    def attempt(
+        self, where: str, function: Callable[..., T], /, *args: Any, **options: Any
+    ) -> T | None:
+        """The result of a function; None, with its error noted, if it raises one of mobman's."""
+        try:
+            return function(*args, **options)
+        except MobmanError as error:
+            text = str(error)
+            self.note(text if text.startswith(f"{where}:") else f"{where}: {text}")
+            return None
+
+    def require_sound(self) -> None:
+        """Raise a SpecError with all faults, if there are any."""
+        if self._faults:
+            faults, heading = list(self._faults), f"suite {self._suite.name!r}"
+            if self._lines is not None:
+                words = {fault: found[1] for fault in faults if (found := _UNKNOWN.search(fault))}
+                faults = at_lines({f: _place_of(f) for f in faults}, self._lines, words)
+            raise SpecError(f"{heading}: {'; '.join(faults)}", heading, faults)
 
     def check(self) -> None:
         """Note what is wrong with any of the suite's own entries, used or not."""
-        attempt = self._problems.attempt
-        laws = [self._law_of(name) for name in self._controllers.fields]
-        known = [controllers.get(law) for law in laws if law in controllers.names()]
+        laws = {entry.law for entry in self._suite.controllers.values()}
+        known = map(controllers.get, laws.intersection(controllers.names()))
         if self._suite.monitor and not any(hasattr(law, "monitored_signals") for law in known):
-            self._problems.note("monitor: none of its controllers has sliding variables")
+            self.note("monitor: none of its controllers has sliding variables")
         for name, gains in self._controllers.fields.items():
             label, law = self._controllers.labels[name], self._law_of(name)
             self._check_gains(f"controller {name!r}", law, gains)
@@ -210,23 +172,22 @@ class _Expansion:
                     self._check_gains(where, law, {**gains, **group.gains[meant]})
         for name, parameters in self._tasks.fields.items():
             task = self._task_of(name)[0]
-            checked = attempt(f"task {name!r}", check_parameters, task, parameters) or {}
+            checked = self.attempt(f"task {name!r}", check_parameters, task, parameters) or {}
             # a file's content in the place of its path: a run depends on that, and workers need no file
             contents = {key: value for key, value in checked.items() if isinstance(value, dict)}
             self._tasks.fields[name] = {**parameters, **contents}
         for name in self._scenarios.fields:
-            attempt(f"scenario {name!r}", self._scenario, name)
+            self.attempt(f"scenario {name!r}", self._scenario, name)
 
     def _check_gains(self, where: str, law: str, gains: Mapping[str, Any]) -> None:
         """Note each gain that is unknown, and what is wrong with the others."""
-        attempt = self._problems.attempt
         known = {
             name: value
             for name, value in gains.items()
-            if attempt(where, gains_by_field, law, {name: value}) is not None
+            if self.attempt(where, gains_by_field, law, {name: value}) is not None
         }
         if known or not gains:
-            attempt(where, make_controller, law, **known)
+            self.attempt(where, make_controller, law, **known)
 
     # Names and patterns
 
@@ -244,9 +205,7 @@ class _Expansion:
             for label, own in group.gains.items():
                 names = self._controllers.members.get(label, [label])
                 if not set(names) & set(labels):
-                    self._problems.note(
-                        f"{where}: gains for {label!r}, which is not among its controllers"
-                    )
+                    self.note(f"{where}: gains for {label!r}, which is not among its controllers")
                 for name in names:
                     gains[name] = gains.get(name, {}) | own
             periods, seeds = group.dt or suite.dt, group.seeds or suite.seeds
@@ -254,7 +213,7 @@ class _Expansion:
             each *= group.placements or suite.placements
             count = len(robots) * len(aims) * len(scenarios) * len(labels) * each
             if count > MOST_RUNS:
-                self._problems.note(f"{where} asks for {count} runs; allowed: {MOST_RUNS}")
+                self.note(f"{where} asks for {count} runs; allowed: {MOST_RUNS}")
                 continue
             for cell in product(robots, aims, scenarios, labels):
                 overrides = []
@@ -282,7 +241,7 @@ class _Expansion:
                     ):
                         yield _Plan(where, *cell, own, seed, duration, dt, number)
         for number in sorted(set(range(len(suite.overrides))) - used):
-            self._problems.note(f"overrides.{number} fits no run; see its 'where'")
+            self.note(f"overrides.{number} fits no run; see its 'where'")
 
     def _fits(self, override: Override, cell: Sequence[str]) -> bool:
         where = override.where
@@ -309,18 +268,17 @@ class _Expansion:
             try:
                 found |= dict.fromkeys(chosen(f"{kind} in {where}", pattern, names, table.members))
             except UnknownNameError as error:
-                self._problems.note(str(error))
+                self.note(str(error))
         return list(found)
 
     def _chosen_robots(self, where: str, patterns: Sequence[str]) -> list[str]:
         """Robots that patterns mean; one may be a description's file."""
         found: dict[str, None] = {}
-        attempt = self._problems.attempt
         for pattern in patterns:
             if any(mark in pattern for mark in "*?["):
-                names = attempt(where, chosen, "robot", pattern, list_robots(), {}) or []
+                names = self.attempt(where, chosen, "robot", pattern, list_robots(), {}) or []
                 found |= dict.fromkeys(filter(_is_sound, names))
-            elif attempt(where, find_spec, pattern) is not None:
+            elif self.attempt(where, find_spec, pattern) is not None:
                 self._named.add(pattern)
                 found[pattern] = None
         return list(found)
@@ -328,12 +286,12 @@ class _Expansion:
     def _chosen_scenarios(self, where: str, patterns: Sequence[str]) -> list[str]:
         """Scenarios that patterns mean: the suite's own, those that have names, and files."""
         found: dict[str, None] = {}
-        known, attempt = list_scenarios(), self._problems.attempt
+        known = list_scenarios()
         for pattern in patterns:
             if not pattern.endswith(".toml"):
                 names = self._chosen("scenario", where, [pattern], self._scenarios, known)
                 found |= dict.fromkeys(names)
-            elif attempt(f"scenario {pattern!r}", load_scenario, pattern) is not None:
+            elif self.attempt(f"scenario {pattern!r}", load_scenario, pattern) is not None:
                 found[pattern] = None
         return list(found)
 
@@ -357,37 +315,28 @@ class _Expansion:
     def resolve(self, planned: Sequence[_Plan]) -> list[_Plan]:
         """Make what the names in runs stand for, and note what cannot be made; the runs that are left:
         a user's robot that a pattern meant, and that cannot do a task, stops none of the others."""
-        attempt = self._problems.attempt
-        self._robots: dict[str, Any] = {}
-        self._resolved_scenarios: dict[str, Any] = {}
-        self._laws: dict[tuple[str, str], Any] = {}
-        self._placed: dict[tuple[str, str], Any] = {}
-        self._codes: dict[tuple[str, ...], str] = {}
-        numbers: dict[tuple[str, str], dict[int, None]] = {}
+        numbers: dict[str, dict[str, dict[int, None]]] = {}  # of placements, by robot and task
         for plan in planned:
-            numbers.setdefault((plan.robot, plan.task), {})[plan.placement] = None
+            numbers.setdefault(plan.robot, {}).setdefault(plan.task, {})[plan.placement] = None
         lost = set[str]()
-        for name in dict.fromkeys(plan.robot for plan in planned):
-            own = {task: found for (robot, task), found in numbers.items() if robot == name}
-            if name in self._named or origin_of(name) == "mobman":
+        for name, own in numbers.items():
+            by_pattern = name not in self._named and origin_of(name) != "mobman"
+            attempt: Any = _unguarded if by_pattern else self.attempt
+            try:
                 self._robots[name] = attempt(f"robot {name!r}", self._robot, name)
                 for task, found in own.items() if self._robots[name] is not None else ():
                     where = f"task {task!r} for robot {name!r}"
                     self._placed[name, task] = attempt(where, self._placements, name, task, found)
-                continue
-            try:
-                self._robots[name] = self._robot(name)
-                for task, found in own.items():
-                    self._placed[name, task] = self._placements(name, task, found)
             except MobmanError as error:
                 _leave_out(name, error)
                 lost.add(name)
         planned = [plan for plan in planned if plan.robot not in lost]
         for name in dict.fromkeys(plan.scenario for plan in planned):
-            self._resolved_scenarios[name] = attempt(f"scenario {name!r}", self._scenario, name)
+            where = f"scenario {name!r}"
+            self._resolved_scenarios[name] = self.attempt(where, self._scenario, name)
         for key, plan in {plan.controller: plan for plan in planned}.items():
             where = f"controller {plan.label!r}" + (f" in {plan.where}" if plan.gains else "")
-            self._laws[key] = attempt(where, self._gains_and_settings, plan)
+            self._laws[key] = self.attempt(where, self._gains_and_settings, plan)
         return planned
 
     def _robot(self, name: str) -> tuple[str, str]:
@@ -451,6 +400,43 @@ class _Expansion:
             monitor=self._suite.monitor and hasattr(controllers.get(law), "monitored_signals"),
             code_sha256=self._codes[key],
         )
+
+
+_UNKNOWN = re.compile(r"\bunknown [^']*'([^']+)'")
+_NUMBERED = re.compile(r"\b(groups|overrides)\.(\d+)")
+_LABELLED = re.compile(r"(controller|task|scenario)s?[ .]'?([A-Za-z0-9_.-]+)")
+
+
+def _place_of(fault: str) -> Place:
+    """The table of the suite's file that a fault names; () if it names none."""
+    if found := _NUMBERED.search(fault):
+        return found[1], int(found[2])
+    found = _LABELLED.match(fault)
+    return (f"{found[1]}s", found[2]) if found else ()
+
+
+def _is_sound(name: str) -> bool:
+    """True if a robot that a pattern means can be used; a user's that cannot is named in a warning."""
+    if origin_of(name) == "mobman":
+        return True
+    try:
+        build_robot(find_spec(name))
+    except MobmanError as error:
+        _leave_out(name, error)
+        return False
+    return True
+
+
+def _unguarded(where: str, function: Callable[..., T], /, *args: Any) -> T:
+    return function(*args)
+
+
+def _leave_out(name: str, error: MobmanError) -> None:
+    """Say once that a robot, which no suite names, is in none."""
+    text = f"robot {name!r} is left out of the suite: {error}"
+    if text not in _said:
+        _said.add(text)
+        warnings.warn(text, stacklevel=2)
 
 
 # Grids -------------------------------------------------------------------------------------------
