@@ -38,11 +38,9 @@ class Outcome(NamedTuple):
     """Outcome of one run."""
 
     run: RunSpec
-    status: str
-    """The record's, or ``"failed"`` if there is none."""
+    status: str  # the record's, or "failed" if there is none
     message: str
-    task_error: float
-    """Its metric task_error_max (m); NaN if there is no record."""
+    task_error: float  # its metric task_error_max (m); NaN if there is no record
 
 
 @dataclass(repr=False)
@@ -52,14 +50,12 @@ class Summary(Displayed):
     asked: int = 0
     skipped: int = 0
     seconds: float = 0.0
-    workers: int = 0
-    """Runs at a time; on a cluster, the most that there were."""
+    workers: int = 0  # runs at a time; on a cluster, the most that there were
     outcomes: list[Outcome] = field(default_factory=list)
     changed: list[tuple[RunSpec, str]] = field(default_factory=list)
     """Runs of ``skipped`` that mobman's present source files and libraries did not make, and the
     differences."""
-    report: ReportFiles | None = None
-    """Paths of the report, if it was written."""
+    report: ReportFiles | None = None  # paths of the report, if it was written
 
     def _shown(self) -> Shown:
         done, failed = len(self.outcomes), len(self.failed)
@@ -82,8 +78,7 @@ class Started(NamedTuple):
     """Event: the suite begins."""
 
     asked: int
-    skipped: int
-    """Runs that were there already."""
+    skipped: int  # runs that were there already
     todo: tuple[RunSpec, ...]
 
 
@@ -249,8 +244,7 @@ def _do(
 class _Try:
     job: Job
     number: int = 1
-    executor: int = 0
-    """Number of the backend's executor that has it, in their order."""
+    executor: int = 0  # number of the backend's executor that has it, in their order
 
 
 def results(

@@ -24,6 +24,8 @@ from mobman.provenance import COMPUTING, versions
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
 from mobman.simulation.run_spec import RunSpec
 
+_OF_RUNS = ("run_id", "label", "robot", "task", "family")  # texts of the index
+_OF_RECORDS = ("status", "message", "state_sha256")
 _COMPARED = ("law", "seed", "dt", "duration", "task_parameters", "scenario", "monitor")
 
 
@@ -138,11 +140,10 @@ class Store:
             try:
                 content = json.loads(read_within(path, path.parent, "failure", 1.0))
                 found.append(Failure(path.stem, str(content["reason"])))
-            except MobmanError as error:
-                found.append(Failure(path.stem, str(error)))
-            except (ValueError, KeyError, TypeError, RecursionError) as error:
-                # not its text, which may be that of any file
-                found.append(Failure(path.stem, f"{path} is not readable: {type(error).__name__}"))
+            except (MobmanError, ValueError, KeyError, TypeError, RecursionError) as error:
+                known = isinstance(error, MobmanError)  # the text of another may be that of any file
+                why = str(error) if known else f"{path} is not readable: {type(error).__name__}"
+                found.append(Failure(path.stem, why))
         return found
 
     def done(self, run: RunSpec) -> bool:
@@ -291,31 +292,25 @@ def _hash(path: Path) -> str:
 
 def _index(rows: Sequence[tuple[RunSpec, RecordSummary]]) -> bytes:
     """Content of the index of runs and their records, which are in the folder ``runs`` next to it."""
+    runs, records = [run for run, _ in rows], [record for _, record in rows]
+    texts = {name: [getattr(run, name) for run in runs] for name in _OF_RUNS}
+    texts |= {name: [getattr(record, name) for record in records] for name in _OF_RECORDS}
+    texts["scenario"] = [run.scenario["name"] for run in runs]
+    specs = (run.as_dict() for run in runs)
+    texts["spec_json"] = [json.dumps(spec, sort_keys=True, default=str) for spec in specs]
     content = io.BytesIO()
     with h5py.File(content, "w") as file:
         file.attrs["schema_version"] = SCHEMA_VERSION
-        links = file.create_group("runs")
-        table = file.create_group("table")
-        ids = [run.run_id for run, _ in rows]
-        for run_id in ids:
-            links[run_id] = h5py.ExternalLink(f"runs/{run_id}.h5", "/")
-        texts: dict[str, list[str]] = {"run_id": ids}
-        for name in ("label", "robot", "task", "family"):
-            texts[name] = [getattr(run, name) for run, _ in rows]
-        texts["scenario"] = [run.scenario["name"] for run, _ in rows]
-        for name in ("status", "message", "state_sha256"):
-            texts[name] = [getattr(record, name) for _, record in rows]
-        specs = (run.as_dict() for run, _ in rows)
-        texts["spec_json"] = [json.dumps(spec, sort_keys=True, default=str) for spec in specs]
+        links, table = file.create_group("runs"), file.create_group("table")
+        for run in runs:
+            links[run.run_id] = h5py.ExternalLink(f"runs/{run.run_id}.h5", "/")
         for name, values in texts.items():
             table.create_dataset(name, data=values, dtype=h5py.string_dtype())
         for name, kind in {"placement": int, "seed": int, "dt": float, "duration": float}.items():
-            column = [getattr(run, name) for run, _ in rows]
-            table.create_dataset(name, data=np.array(column, dtype=kind))
+            table[name] = np.array([getattr(run, name) for run in runs], dtype=kind)
         metrics = table.create_group("metrics")
-        for name in sorted({name for _, record in rows for name in record.metrics}):
-            metric = [record.metrics.get(name, np.nan) for _, record in rows]
-            metrics.create_dataset(name, data=np.array(metric, dtype=float))
+        for name in sorted({name for record in records for name in record.metrics}):
+            metrics[name] = np.array([record.metrics.get(name, np.nan) for record in records])
     return content.getvalue()
 
 
@@ -341,28 +336,29 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
     """
     if isinstance(folders, str) or not folders:
         raise UsageError(f"folders = {folders!r}: must be a list of one folder or more")
-    sources = [Store(folder) for folder in folders]
-    target = Store(into)
+    sources, target = [Store(folder) for folder in folders], Store(into)
     if (target.folder / NAME).exists():
         sources.insert(0, target)
-    manifests = [source.manifest for source in sources]
-    names = {own.suite.name: s.folder for own, s in zip(manifests, sources, strict=True)}
+    manifests = {source: source.manifest for source in sources}
+    names = {own.suite.name: source.folder for source, own in manifests.items()}
     if len(names) > 1:
         found = ", ".join(f"{name!r} in {folder}" for name, folder in names.items())
         raise MobmanError(f"these are results of different suites: {found}")
-    for manifest, source in zip(manifests, sources, strict=True):
+    for source, manifest in manifests.items():
         if manifest.schema_version != SCHEMA_VERSION:
             raise MobmanError(
                 f"{source.folder} holds results made by an earlier mobman (schema "
                 f"{manifest.schema_version}), which are not joined with others"
             )
     runs: dict[str, RunSpec] = {}
-    for run in chain.from_iterable(manifest.runs for manifest in manifests):
+    for run in chain.from_iterable(manifest.runs for manifest in manifests.values()):
         runs.setdefault(run.run_id, run)
-    target.begin(manifests[0].suite, runs.values())
+    target.begin(manifests[sources[0]].suite, runs.values())
     copied, unusable, conflicts = 0, [], []
-    for source in (source for source in sources if source is not target):
-        for run in (run for run in source.runs if os.path.lexists(source.path(run))):
+    for source in sources:
+        for run in manifests[source].runs if source is not target else ():
+            if not os.path.lexists(source.path(run)):
+                continue
             try:
                 new = source.summary(run)
             except RecordError as error:
@@ -373,14 +369,13 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
                 copied += 1
             elif target.summary(run).state_sha256 != new.state_sha256:
                 conflicts.append(f"{run}: {target.path(run)} and {source.path(run)} differ")
-        for failure in source.failures:
+        for failure in source.failures if source is not target else ():
             lost = runs.get(failure.run_id)
             if lost is not None and not target.done(lost):
                 target.fail(lost, failure.reason)
-    seconds = [manifest.seconds for manifest in manifests if manifest.seconds is not None]
-    workers = [manifest.workers for manifest in manifests if manifest.workers is not None]
-    whole = replace(target.manifest, seconds=sum(seconds) or None, workers=sum(workers) or None)
-    target._write(whole)
+    seconds = sum(manifest.seconds or 0.0 for manifest in manifests.values())
+    workers = sum(manifest.workers or 0 for manifest in manifests.values())
+    target._write(replace(target.manifest, seconds=seconds or None, workers=workers or None))
     target.finish()
     there = sum(target.done(run) for run in runs.values())
     return Merged(len(runs), there, copied, unusable, conflicts)

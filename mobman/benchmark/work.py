@@ -53,8 +53,7 @@ class Job:
     law: type[Any]
     factory: TaskFactory
     time_limit: float  # wall time (s)
-    origin: tuple[str, int]
-    """:func:`this_process` where the suite was started."""
+    origin: tuple[str, int]  # :func:`this_process` where the suite was started
     with_file: bool = True  # True if the content of the record's file is sent back
 
 
@@ -80,15 +79,13 @@ class Result:
     """Result of a job."""
 
     run_id: str  # that of the job's run: a reply that went to another run's place shows as that
-    status: str
-    """The record's, or ``"failed"`` if there is none."""
+    status: str  # the record's, or "failed" if there is none
     message: str
     metrics: Mapping[str, float] = field(default_factory=dict)  # the record's
     content: bytes | None = None
     """Content of the record's file; None if there is no record, or the job is without."""
     again: bool = False  # another try may well go better
-    fault: str = ""
-    """Cause of a failure, if known: ``"gains"`` that the law refuses, or the ``"machine"``."""
+    fault: str = ""  # cause of a failure, if known: "gains" that the law refuses, or the "machine"
     end: float = 0.0  # time of the last sample (s)
     seconds: float = 0.0  # wall time that it took
 

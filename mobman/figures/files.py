@@ -134,10 +134,8 @@ class Print:
 
     column: str = "single"
     """``"single"`` or ``"double"``: 3.5 or 7.16 inches wide, those of most journals' columns."""
-    font: str = "Liberation Sans"
-    """Its name, or ``"serif"``, ``"sans-serif"``."""
-    size: float = 8.0
-    """Of labels (pt)."""
+    font: str = "Liberation Sans"  # its name, or "serif", "sans-serif"
+    size: float = 8.0  # of labels (pt)
 
     def __post_init__(self) -> None:
         if self.column not in _COLUMNS:

@@ -39,8 +39,7 @@ class Look(NamedTuple):
     """Colour, line and marker of a controller or a motor."""
 
     colour: str
-    dashes: tuple[float, ...] = _SOLID
-    """Lengths of dashes and gaps (px); solid by default."""
+    dashes: tuple[float, ...] = _SOLID  # lengths of dashes and gaps (px); solid by default
     width: float = 1.4
     marker: str = "circle"
 

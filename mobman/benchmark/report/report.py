@@ -35,8 +35,7 @@ class ReportFiles(NamedTuple):
     html: Path
     markdown: Path
     csv: Path
-    leaderboard: tables.Table | None
-    """None if no cell is complete."""
+    leaderboard: tables.Table | None  # None if no cell is complete
 
 
 def report_on(

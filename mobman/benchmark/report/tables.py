@@ -56,16 +56,11 @@ class Entry(NamedTuple):
     """A place in a table."""
 
     text: str
-    mark: str = ""
-    """``"best"`` of its row; ``"bad"``, as a run that diverged; ``"faint"``; or none."""
-    detail: str = ""
-    """More about it, shown on demand."""
-    label: str = ""
-    """The controller whose colour it shows."""
-    link: str = ""
-    """Relative address."""
-    unit: str = ""
-    """Shown small behind the text."""
+    mark: str = ""  # "best" of its row; "bad", as a run that diverged; "faint"; or none
+    detail: str = ""  # more about it, shown on demand
+    label: str = ""  # the controller whose colour it shows
+    link: str = ""  # relative address
+    unit: str = ""  # shown small behind the text
     number: bool = True  # True for the heading of a column that is aligned as numbers
     command: bool = False  # True for words that a shell takes
 

@@ -32,25 +32,20 @@ _DIGITS = 12  # of a decade: ratios that are equal but for rounding are tied
 class Difference:
     """Comparison of a with b on the same cells; negative numbers: a is lower, so better."""
 
-    n: int
-    """Cells."""
+    n: int  # cells
     median_difference: Interval
     """Median over cells of a - b: in the scores' unit, or in decades, as ``scale`` says."""
     p_value: float
     """Two-sided, by Wilcoxon's signed-rank test, for this pair alone: see :func:`adjust`."""
     effect_size: float
     """Matched-pairs rank-biserial correlation: -1, a is better in all cells; 1, b is."""
-    wins: int
-    """Cells in which a is better."""
-    ties: int
-    """Cells in which they are equal, or both failed."""
-    losses: int
-    """Cells in which b is better."""
+    wins: int  # cells in which a is better
+    ties: int  # cells in which they are equal, or both failed
+    losses: int  # cells in which b is better
     smallest_p: float
     """The p that as many untied units would give if all said the same: if it is, times the number of
     pairs, above one's threshold, there are too few for any outcome to be significant."""
-    scale: str
-    """Scale of the differences."""
+    scale: str  # scale of the differences
 
 
 def compare(a: ArrayLike, b: ArrayLike, **options: Any) -> Difference:
@@ -94,10 +89,8 @@ class PairComparison:
 
     a: str
     b: str
-    comparison: Difference
-    """Comparison of a with b."""
-    adjusted_p: float
-    """The comparison's p-value, corrected for all pairs."""
+    comparison: Difference  # comparison of a with b
+    adjusted_p: float  # the comparison's p-value, corrected for all pairs
 
 
 def compare_all(
@@ -150,19 +143,15 @@ def adjust(p_values: ArrayLike, method: str = "holm") -> Array:
 class SuccessComparison:
     """Comparison of a's successes with b's on the same cells; positive: a succeeds more often."""
 
-    n: int
-    """Cells."""
+    n: int  # cells
     difference: Interval
     """Success rate of a - that of b: the effect, with Newcombe's interval for pairs."""
-    p_value: float
-    """Two-sided, by McNemar's exact test, for this pair alone: see :func:`adjust`."""
+    p_value: float  # two-sided, by McNemar's exact test, for this pair alone: see :func:`adjust`
     both: int
-    only_a: int
-    """Cells in which a succeeds and b does not."""
+    only_a: int  # cells in which a succeeds and b does not
     only_b: int
     neither: int
-    smallest_p: float
-    """The p if all cells in which they differ said the same."""
+    smallest_p: float  # the p if all cells in which they differ said the same
 
 
 def compare_successes(
@@ -213,12 +202,9 @@ class Rank:
     """The ranks that a label can have."""
 
     label: str
-    score: Interval
-    """Estimate with its interval, in the scores' unit."""
-    first: int
-    """The best: 1, and one more for each label that is settled to be better."""
-    last: int
-    """The worst: the number of labels, and one less for each that is settled to be worse."""
+    score: Interval  # estimate with its interval, in the scores' unit
+    first: int  # the best: 1, and one more for each label that is settled to be better
+    last: int  # the worst: the number of labels, and one less for each that is settled to be worse
 
 
 def ranking(

@@ -112,11 +112,9 @@ def performance_profile(scores: ArrayLike, taus: ArrayLike, *, floor: float = 0.
 class ScoreProfile:
     """The share of runs that reach each threshold; all of shape (n_taus,)."""
 
-    taus: Array
-    """The thresholds, in the scores' unit."""
+    taus: Array  # the thresholds, in the scores' unit
     share: Array
-    low: Array
-    """The band's lower edge, for each threshold by itself."""
+    low: Array  # the band's lower edge, for each threshold by itself
     high: Array
 
 
@@ -150,18 +148,15 @@ class Bootstrap:
     scale: Literal["linear", "log10"] = "linear"
     """Values are averaged and subtracted as they are, or as decades. Comparisons and ranks take
     ``"log10"`` by default."""
-    floor: float = FLOOR
-    """Smaller values count as this on ``"log10"``."""
+    floor: float = FLOOR  # smaller values count as this on "log10"
     strata: Sequence[Hashable] | None = None
     """Labels, one a value, to resample within; by default all values are one stratum."""
     clusters: Sequence[Hashable] | None = None
     """Labels, one a value, of what is drawn as a whole: values that are much alike, or of one robot.
     Intervals are then wider, as Student's t has it for so many clusters."""
-    level: float = 0.95
-    """Confidence level of each interval."""
+    level: float = 0.95  # confidence level of each interval
     resamples: int = 2000
-    seed: int = 0
-    """Seed of the draws."""
+    seed: int = 0  # seed of the draws
 
     def __post_init__(self) -> None:
         whole = not isinstance(self.resamples, bool) and int(self.resamples) == self.resamples

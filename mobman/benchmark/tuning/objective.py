@@ -21,12 +21,9 @@ class Objective:
     """
 
     name: str
-    formula: str
-    """Formula in terms of metrics, for reports."""
-    metrics: tuple[str, ...]
-    """The metrics in it."""
-    function: Callable[[Mapping[str, float]], float]
-    """The score, of metrics by name."""
+    formula: str  # formula in terms of metrics, for reports
+    metrics: tuple[str, ...]  # the metrics in it
+    function: Callable[[Mapping[str, float]], float]  # the score, of metrics by name
 
     def score(self, status: str, metrics: Mapping[str, float], fraction: float) -> float:
         """The score of a run.

@@ -36,8 +36,7 @@ _REMEDY = "choose another folder with -o, or begin again with --fresh"
 class RunScore:
     """The outcome of one run of a trial."""
 
-    score: float
-    """See :meth:`Objective.score`."""
+    score: float  # see :meth:`Objective.score`
     status: str
     """The record's; ``"infeasible"`` where the law refuses the gains, ``"failed"`` where there is no
     record for another reason."""
