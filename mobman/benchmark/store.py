@@ -141,7 +141,9 @@ class Store:
                 content = json.loads(read_within(path, path.parent, "failure", 1.0))
                 found.append(Failure(path.stem, str(content["reason"])))
             except (MobmanError, ValueError, KeyError, TypeError, RecursionError) as error:
-                known = isinstance(error, MobmanError)  # the text of another may be that of any file
+                known = isinstance(
+                    error, MobmanError
+                )  # the text of another may be that of any file
                 why = str(error) if known else f"{path} is not readable: {type(error).__name__}"
                 found.append(Failure(path.stem, why))
         return found
