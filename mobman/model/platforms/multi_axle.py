@@ -115,7 +115,7 @@ class MultiAxle(Swerve):
                 )
         modules, rolling = modules_of(site, axes, turned, middle)
         for at, place in enumerate(straight, start=len(modules)):
-            modules.append(Module("", complex(*place.centre[:2]) - middle, 0.0, 0.0))
+            modules.append(Module("", place.at - middle, 1.0, 0.0))
             rolling.append(ModuleWheel(place.joint, at, 0.0, place.sign))
         if unknown := set(given.driven) - set(wheels):
             raise site.fault(

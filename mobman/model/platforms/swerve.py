@@ -15,7 +15,6 @@ is on the steering axis, and the module may point anywhere.
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -26,6 +25,7 @@ from pydantic import Field
 from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.compiled import kernel
 from mobman.errors import UsageError
+from mobman.linalg import cholesky, cholesky_solve
 from mobman.model.platforms.body import Knuckle, WheeledBody, WheelPart, required
 from mobman.model.platforms.platform import (
     Equations,
@@ -92,8 +92,8 @@ class Module(NamedTuple):
     joint: str
     position: complex
     """rho, of its axis in the platform's axes from the reference point (m)."""
-    zero: float
-    """gamma, the direction in which its wheels roll at a joint angle of 0 (rad)."""
+    forward: complex
+    """The direction in which its wheels roll at a joint angle of 0, of length 1."""
     sign: float
     """+1 where a positive angle turns them to the left, else -1; 0 where nothing is steered."""
 
@@ -154,7 +154,7 @@ class Swerve(Platform):
             steered = (last + 1 + wheel.module, module.sign) if module.sign else (2, 0.0)
             lever = {steered[0]: -wheel.left * module.sign, 2: -wheel.left}
             others = {**lever, j: -wheel.sign * radius}
-            rows.append(row(l, cmath.exp(1j * module.zero), module.position, steered, others))
+            rows.append(row(l, module.forward, module.position, steered, others))
         numbers = [(m.position.real, m.position.imag, m.sign) for m in self.modules]
         own = [n, *np.ravel(numbers), *(wheel.driven for wheel in rolling)]
         super().__init__(
@@ -179,7 +179,7 @@ class Swerve(Platform):
             raise site.fault(
                 "steering", f" is {joints_of(axes)}; allowed: two or more different joints"
             )
-        middle = complex(np.mean([complex(*place.centre[:2]) for place in axes]))
+        middle = complex(np.mean([place.at for place in axes]))
         modules, rolling = modules_of(site, axes, places, middle)
         return cls(modules, rolling, **placed(given, middle, places))
 
@@ -209,7 +209,7 @@ class Swerve(Platform):
                     f"{' and '.join(f'{name} = {value:g}' for name, value in travel)} put the centre of "
                     f"rotation on the axis of {module.joint!r}, where the module may point anywhere"
                 )
-            wanted = module.sign * (float(np.angle(zeta)) - module.zero)
+            wanted = module.sign * float(np.angle(zeta / module.forward))
             result[i] = wanted + math.tau * round((x[i] - wanted) / math.tau)
         return result
 
@@ -244,7 +244,7 @@ def located(
         names = joints_of(found)
         if len(set(names)) < len(names):
             raise named.site.fault(field, f" is {names}; one is there twice")
-    rho = np.array([complex(*place.centre[:2]) for place in axes])
+    rho = np.array([place.at for place in axes])
     if np.min(np.abs(rho[:, None] - rho + np.eye(len(rho)))) < LENGTH_TOLERANCE:
         raise named.site.fault("steering", ": two axes are at one place")
     return axes, places
@@ -279,45 +279,36 @@ def modules_of(
     modules, rolling = list[Module](), list[ModuleWheel]()
     for i, axis in enumerate(axes):
         behind = [one for one, module in zip(places, carried, strict=True) if module == i]
-        zero, rho = _zero(site, axis, behind), complex(*axis.centre[:2]) - middle
-        modules.append(Module(axis.joint, rho, zero, axis.turn))
-        rolling += [_wheel(site, one, i, axis, zero) for one in behind]
+        if not behind:
+            raise site.fault(
+                "wheels",
+                f" names none behind {axis.joint!r} of field 'platform.steering'; a module that has no "
+                "driven wheel is a caster: lock it",
+            )
+        # of the two directions in which the wheels roll, the one more to the front, or to the left
+        forward = behind[0].forward
+        if forward.real < -AXIS_TOLERANCE or (
+            abs(forward.real) <= AXIS_TOLERANCE and forward.imag < 0.0
+        ):
+            forward = -forward
+        modules.append(Module(axis.joint, axis.at - middle, forward, axis.turn))
+        for place in behind:
+            ahead, apart = (one / forward for one in (place.forward, place.at - axis.at))
+            if abs(ahead.imag) > AXIS_TOLERANCE:
+                raise site.fault(
+                    "wheels",
+                    f": {place.joint!r} rolls in another direction than the other wheels behind "
+                    f"{axis.joint!r}",
+                )
+            if abs(apart.real) > LENGTH_TOLERANCE:
+                raise site.fault(
+                    "wheels",
+                    f": {place.joint!r} is {apart.real:+.4f} m ahead of the axis of {axis.joint!r}; "
+                    "allowed: beside it (what trails is a powered caster, which moves in every "
+                    "direction without turning first)",
+                )
+            rolling.append(ModuleWheel(place.joint, i, apart.imag, math.copysign(1.0, ahead.real)))
     return modules, rolling
-
-
-def _zero(site: Site, axis: JointPlace, wheels: Sequence[JointPlace]) -> float:
-    """The direction in which a module's wheels roll with all joints at zero (rad): of the two the one
-    that is more to the front, or to the left."""
-    if not wheels:
-        raise site.fault(
-            "wheels",
-            f" names none behind {axis.joint!r} of field 'platform.steering'; a module that has no "
-            "driven wheel is a caster: lock it",
-        )
-    x, y = wheels[0].axis[1], -wheels[0].axis[0]  # axis x z
-    if x < -AXIS_TOLERANCE or (abs(x) <= AXIS_TOLERANCE and y < 0.0):
-        x, y = -x, -y
-    return math.atan2(y, x)
-
-
-def _wheel(site: Site, place: JointPlace, i: int, axis: JointPlace, zero: float) -> ModuleWheel:
-    forward = np.array([math.cos(zero), math.sin(zero), 0.0])
-    left = np.array([-math.sin(zero), math.cos(zero), 0.0])
-    if abs(place.axis @ forward) > AXIS_TOLERANCE:
-        raise site.fault(
-            "wheels",
-            f": {place.joint!r} rolls in another direction than the other wheels behind "
-            f"{axis.joint!r}",
-        )
-    apart = place.centre - axis.centre
-    if abs(trail := float(apart @ forward)) > LENGTH_TOLERANCE:
-        raise site.fault(
-            "wheels",
-            f": {place.joint!r} is {trail:+.4f} m ahead of the axis of {axis.joint!r}; allowed: beside "
-            "it (what trails is a powered caster, which moves in every direction without turning "
-            "first)",
-        )
-    return ModuleWheel(place.joint, i, float(apart @ left), float(np.sign(place.axis @ left)))
 
 
 # Parameters of the kernels: the table of constraints; n; x_i, y_i, sign_i of each module that steers;
@@ -386,28 +377,22 @@ def _actuation(parameters: Vector, x: Vector, B: Matrix) -> None:
     with the least sum of squares."""
     l, p = B.shape
     own = parameters[(l - p) * (6 + l) :]
-    n, first, last = int(own[0]), p + 2, p - 1
+    first, wheels = p + 2, p + 2 + int(own[0])
     _velocity_map(parameters, x, B)
-    for i in range(first + n, l):
-        if own[1 + 3 * n + i - first - n] == 0.0:
-            B[i, :] = 0.0
-    g00 = g01 = g02 = g12 = g22 = 0.0
-    g11 = 0.0 if p > 2 else 1.0
-    for i in range(first, l):
-        a, b, c = B[i, 0], B[i, 1] if p > 2 else 0.0, B[i, last]
-        g00, g01, g02 = g00 + a * a, g01 + a * b, g02 + a * c
-        g11, g12, g22 = g11 + b * b, g12 + b * c, g22 + c * c
-    # the adjugate
-    h00, h01, h02 = g11 * g22 - g12 * g12, g02 * g12 - g01 * g22, g01 * g12 - g02 * g11
-    h11, h12, h22 = g00 * g22 - g02 * g02, g01 * g02 - g00 * g12, g00 * g11 - g01 * g01
-    determinant = g00 * h00 + g01 * h01 + g02 * h02
     B[:first, :] = 0.0
+    for i in range(wheels, l):
+        if own[1 + 3 * (wheels - first) + i - wheels] == 0.0:
+            B[i, :] = 0.0
+    # S^T S, where B'' is 0 in the end
+    square = B[:p]
     for i in range(first, l):
-        a, b, c = B[i, 0], B[i, 1] if p > 2 else 0.0, B[i, last]
-        B[i, 0] = (a * h00 + b * h01 + c * h02) / determinant
-        if p > 2:
-            B[i, 1] = (a * h01 + b * h11 + c * h12) / determinant
-        B[i, last] = (a * h02 + b * h12 + c * h22) / determinant
+        for a in range(p):
+            for b in range(p):
+                square[a, b] += B[i, a] * B[i, b]
+    cholesky(square, square)
+    for i in range(first, l):
+        cholesky_solve(square, B[i], B[i])
+    square[:, :] = 0.0
 
 
 @kernel

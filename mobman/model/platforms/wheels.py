@@ -31,6 +31,17 @@ class JointPlace(NamedTuple):
     """Unit vector, shape (3,)."""
 
     @property
+    def at(self) -> complex:
+        """Its place seen from above, ahead and to the left (m)."""
+        return complex(self.centre[0], self.centre[1])
+
+    @property
+    def forward(self) -> complex:
+        """Where a positive rate rolls a wheel: the axis times the vertical, of length 1."""
+        rolls = complex(self.axis[1], -self.axis[0])
+        return rolls / abs(rolls)
+
+    @property
     def sign(self) -> float:
         """+1 where a positive rate about the axis rolls a wheel forward, -1 where backward."""
         return float(np.sign(self.axis[1]))
