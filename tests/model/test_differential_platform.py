@@ -3,24 +3,40 @@
 from __future__ import annotations
 
 from math import cos, sin
+from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from support.differences import derivative, jacobian, relative
 
 from mobman.model.platforms.differential import Differential
-from mobman.model.platforms.platform import platforms
+from mobman.model.platforms.platform import Site, platforms
 
 R, W = 0.05, 0.158  # the paper's
 OFFSETS = {"axle": 0.0, "arm mount": 0.167}
 ALPHAS = {"paper": 2.0 / R, "wheel-rates": 1.0}
 
 
+def _platform(offset=0.0, alpha="wheel-rates", signs=(1.0, 1.0)):
+    """The paper's, on wheels about y, or -y where the sign is -1."""
+    parts = ['<robot name="r"><link name="base"/>']
+    for name, y, sign in zip("rl", (-W, W), signs, strict=True):
+        parts.append(
+            f'<link name="{name}_link"/><joint name="{name}" type="continuous"><parent link="base"/>'
+            f'<child link="{name}_link"/><origin xyz="0 {y} {R}"/><axis xyz="0 {sign} 0"/></joint>'
+        )
+    tree = pin.buildModelFromXML("".join([*parts, "</robot>"]))
+    fields = {"right_wheel": "r", "left_wheel": "l", "wheel_radius": R, "half_track": W}
+    fields |= {"reference_offset": offset, "alpha": alpha}
+    return Differential.build(Site(fields, tree, "test", Path()))
+
+
 @pytest.fixture(params=[(o, a) for o in OFFSETS for a in ALPHAS], ids=lambda p: f"{p[0]}, {p[1]}")
 def case(request):
     """Reference point and choice of alpha, all four combinations."""
     offset, alpha = request.param
-    platform = Differential(("r",), ("l",), R, W, OFFSETS[offset], ALPHAS[alpha])
+    platform = _platform(OFFSETS[offset], alpha)
     return platform, OFFSETS[offset], ALPHAS[alpha]
 
 
@@ -69,13 +85,13 @@ def equation_7(theta, a):
 
 
 def test_constraints_on_the_axle_are_equation_2():
-    platform = Differential(("r",), ("l",), R, W)
+    platform = _platform()
     for x, _, _ in _states():
         assert relative(platform.constraint_matrix(x), equation_2(x[2])) < 1e-15
 
 
 def test_velocity_map_on_the_axle_with_the_papers_alpha_is_equation_5():
-    platform = Differential(("r",), ("l",), R, W, kappa=2 / R)
+    platform = _platform(alpha="paper")
     for x, _, _ in _states():
         assert relative(platform.velocity_map(x), equation_5(x[2])) < 1e-14
 
@@ -127,8 +143,8 @@ def test_hessian_and_its_rate(case):
 def test_offset_reference_point_moves_as_the_rigid_body_says():
     """d/dt (x_axle + a (cos theta, sin theta)) for the motion of (5)."""
     a = OFFSETS["arm mount"]
-    axle = Differential(("r",), ("l",), R, W, kappa=2 / R)
-    ahead = Differential(("r",), ("l",), R, W, a, kappa=2 / R)
+    axle = _platform(alpha="paper")
+    ahead = _platform(a, "paper")
     for x, x_dot, _ in _states(50):
         alpha, theta = x_dot[:2], x[2]
         on_axle, moved = axle.velocity_map(x) @ alpha, ahead.velocity_map(x) @ alpha
@@ -140,8 +156,8 @@ def test_offset_reference_point_moves_as_the_rigid_body_says():
 @pytest.mark.parametrize("signs", [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
 def test_wheel_that_turns_the_other_way(signs):
     """A wheel about -y rolls forward at a negative rate; alpha stays the wheel's own rate."""
-    platform = Differential(("r",), ("l",), R, W, 0.1, signs=signs)
-    usual = Differential(("r",), ("l",), R, W, 0.1)
+    platform = _platform(0.1, signs=signs)
+    usual = _platform(0.1)
     flip = np.diag([1.0, 1.0, 1.0, *signs])
     for x, x_dot, multiplier in _states(40):
         assert np.allclose(platform.constraint_matrix(x), usual.constraint_matrix(x) @ flip)

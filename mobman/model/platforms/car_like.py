@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -93,66 +93,13 @@ class CarLike(Platform):
     :math:`|\delta| = \pi/2` the model has a singularity; the limits of the steering joint are to
     exclude it.
 
-    Args:
-        steering: Names of the steering joints, one or two.
-        rear: Names of the rear wheels, right and left.
-        front: Names of the front wheels, right and left; or none.
-        radius: R (m).
-        half_track: W (m).
-        wheelbase: L (m).
-        steering_signs: +1 where a positive angle turns to the left, for each steering joint.
-        signs: +1 where a wheel's positive rate drives forward; rear, then front.
-        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
+    Raises:
+        SpecError: If the wheels are not on one axle, or the steering joints not ahead of it.
     """
 
     fields = CarLikeParameters
 
-    def __init__(
-        self,
-        steering: Sequence[str],
-        rear: Sequence[str],
-        front: Sequence[str],
-        radius: float,
-        half_track: float,
-        wheelbase: float,
-        steering_signs: Sequence[float] | None = None,
-        signs: Sequence[float] | None = None,
-        **place: Any,
-    ) -> None:
-        self.radius, self.half_track, self.wheelbase = radius, half_track, wheelbase
-        wheels, n = (*rear, *front), len(steering)
-        l = 3 + n + len(wheels)
-        turning = (1.0,) * n if steering_signs is None else steering_signs
-        rolling = (1.0,) * len(wheels) if signs is None else signs
-        ahead = [0.0, 0.0, wheelbase, wheelbase][: len(wheels)]
-        # the first steering joint is delta
-        steered = [(2, 0.0), (2, 0.0), (3, turning[0]), (3, turning[0])]
-        # no lateral slip behind and in front, one angle of all knuckles, no slip of the rolling wheels
-        rows = [row(l, -1j), row(l, -1j, wheelbase, steered[2])]
-        rows += [row(l, others={3: turning[0], 3 + i: -turning[i]}) for i in range(1, n)]
-        for i, x in enumerate(ahead):
-            at = complex(x, half_track if i % 2 else -half_track)
-            rows.append(row(l, 1.0, at, steered[i], {3 + n + i: -radius * rolling[i]}))
-        super().__init__(
-            (*steering, *wheels),
-            ("alpha_1", "delta_dot"),
-            Equations(
-                np.array([*np.ravel(rows), radius, wheelbase, n, *turning, *rolling[:2]]),
-                *(_velocity_map, _velocity_map_rate, constraints),
-                *(constraint_derivative_rate, _actuation),
-            ),
-            wheels=[Wheel(joint, radius) for joint in wheels],
-            **place,
-        )
-        self.geared = tuple(
-            Gear(joint, steering[0], sign * turning[0])
-            for joint, sign in zip(steering[1:], turning[1:], strict=True)
-        )
-
-    @classmethod
-    def build(cls, site: Site) -> CarLike:
-        """See :meth:`Platform.build`."""
-        given = site.read(CarLikeParameters)
+    def __init__(self, site: Site, given: CarLikeParameters) -> None:
         named = Named(site, given)
         rear = named.pair("rear_right_wheel", "rear_left_wheel", *_REAR)
         axle, half_track = sides(site, rear[:1], rear[1:])
@@ -164,21 +111,39 @@ class CarLike(Platform):
                 f": the joints are {np.round(ahead, 4)} m ahead of the rear axle; allowed: one "
                 "positive distance",
             )
-        names = given.front_wheels or ([] if given.body is None else list(_FRONT))
+        names = given.front_wheels or ([] if given.body is None else _FRONT)
         front = [wheel_place(site, name, "front_wheels", given.heading) for name in names]
         if front:
             sides(site, front[:1], front[1:])
-        return cls(
-            joints_of(knuckles),
-            joints_of(rear),
-            joints_of(front),
-            radius=given.wheel_radius,
-            half_track=half_track if given.half_track is None else given.half_track,
-            wheelbase=ahead[0] if given.wheelbase is None else given.wheelbase,
-            steering_signs=[place.turn for place in knuckles],
-            signs=[place.sign for place in (*rear, *front)],
-            root_offset=np.array([0.0, 0.0, given.wheel_radius]) - axle,
+        self.radius = R = given.wheel_radius
+        W, L = given.half_track or half_track, given.wheelbase or ahead[0]
+        self.half_track, self.wheelbase = W, L
+        wheels, n = [*rear, *front], len(knuckles)
+        l = 3 + n + len(wheels)
+        turning = [place.turn for place in knuckles]
+        steered = 3, turning[0]  # the first steering joint is delta
+        # no lateral slip behind and in front, one angle of all knuckles, no slip of the rolling wheels
+        rows = [row(l, -1j), row(l, -1j, L, steered)]
+        rows += [row(l, others={3: turning[0], 3 + i: -turning[i]}) for i in range(1, n)]
+        for i, place in enumerate(wheels):
+            at, own = complex(0.0, W if i % 2 else -W), {3 + n + i: -R * place.sign}
+            rows.append(row(l, 1.0, L + at, steered, own) if i > 1 else row(l, 1.0, at, others=own))
+        numbers = [R, L, n, *turning, *(place.sign for place in rear)]
+        super().__init__(
+            joints_of([*knuckles, *wheels]),
+            ("alpha_1", "delta_dot"),
+            Equations(
+                np.array([*np.ravel(rows), *numbers]),
+                *(_velocity_map, _velocity_map_rate, constraints),
+                *(constraint_derivative_rate, _actuation),
+            ),
+            wheels=[Wheel(joint, R) for joint in joints_of(wheels)],
+            root_offset=np.array([0.0, 0.0, R]) - axle,
             heading=given.heading,
+        )
+        first = knuckles[0]
+        self.geared = tuple(
+            Gear(place.joint, first.joint, place.turn * first.turn) for place in knuckles[1:]
         )
 
     @classmethod

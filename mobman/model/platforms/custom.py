@@ -82,17 +82,39 @@ class PlatformDefinition(Protocol):
 class Custom(Platform):
     """A platform defined by the user's A(x) and N(x).
 
-    Args:
-        definition: What gives them.
-        where: What to call it in messages.
-
     Raises:
-        SpecError: If it lacks something, gives wrong shapes, or A N is not 0.
+        SpecError: If the definition lacks something, gives wrong shapes, or A N is not 0.
     """
 
     fields = CustomParameters
 
-    def __init__(self, definition: PlatformDefinition, where: str) -> None:
+    def __init__(self, site: Site, given: CustomParameters) -> None:
+        where = f"{site.origin}: field 'platform.definition' is {given.definition!r}"
+        if _no_code.get():
+            raise SpecError(
+                f"{where}: Python code, which runs when the robot is loaded for a run or a check, not "
+                "when it is only looked at"
+            )
+        made = load_code(given.definition, site.folder, where)
+        step = "calling it"
+        try:
+            definition = made(**given.options)
+            step = "reading its attributes"
+            self._take(definition, where)
+        except SpecError:
+            raise
+        except FOREIGN_ERRORS as error:
+            raise SpecError(f"{where}: {step} failed: {error!r}") from error
+        for name in self.coordinates[3:]:
+            if not site.tree.existJointName(name):
+                raise SpecError(
+                    f"{where}: its coordinate {name!r} is no movable joint; there are: "
+                    f"{', '.join(list(site.tree.names)[1:])}"
+                )
+        self._check(where)
+
+    def _take(self, definition: PlatformDefinition, where: str) -> None:
+        """Take the attributes of the user's object."""
         if not isinstance(definition, PlatformDefinition):
             raise SpecError(
                 f"{where}: {type(definition).__name__} needs coordinates, velocity_names, "
@@ -133,35 +155,6 @@ class Custom(Platform):
         )
         names = definition.velocity_names
         super().__init__(coordinates[3:], names, equations, offset, heading, wheels)
-        self._check(where)
-
-    @classmethod
-    def build(cls, site: Site) -> Custom:
-        """See :meth:`Platform.build`."""
-        given = site.read(CustomParameters)
-        where = f"{site.origin}: field 'platform.definition' is {given.definition!r}"
-        if _no_code.get():
-            raise SpecError(
-                f"{where}: Python code, which runs when the robot is loaded for a run or a check, not "
-                "when it is only looked at"
-            )
-        made = load_code(given.definition, site.folder, where)
-        step = "calling it"
-        try:
-            definition = made(**given.options)
-            step = "reading its attributes"
-            platform = cls(definition, where)
-        except SpecError:
-            raise
-        except FOREIGN_ERRORS as error:
-            raise SpecError(f"{where}: {step} failed: {error!r}") from error
-        for name in platform.coordinates[3:]:
-            if not site.tree.existJointName(name):
-                raise SpecError(
-                    f"{where}: its coordinate {name!r} is no movable joint; there are: "
-                    f"{', '.join(list(site.tree.names)[1:])}"
-                )
-        return platform
 
     def _value(self, name: str, *arguments: Array) -> Array:
         """The value of one of the user's functions, or of what is here instead of it."""

@@ -4,7 +4,7 @@ and skid-steering."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -42,73 +42,48 @@ class TwoSided(BodyFramePlatform):
     middle.
 
     Args:
-        right: Joint names of the wheels on the right, the one with the motor first.
+        site, given: The description and its fields.
+        right: The wheels on the right, the one with the motor first.
         left: The same on the left.
-        radius: R (m).
-        half_track: W (m).
-        offset: a (m), the reference point ahead of the middle.
         kappa: phi'/alpha.
-        signs: +1 where a wheel's positive rate drives forward, -1 where backward; right, then left.
-        **place: See :class:`BodyFramePlatform`.
+        factor: The effective track over the geometric one.
     """
 
     def __init__(
         self,
-        right: Sequence[str],
-        left: Sequence[str],
-        radius: float,
-        half_track: float,
-        offset: float = 0.0,
-        kappa: float = 1.0,
-        signs: Sequence[float] | None = None,
-        **place: Any,
-    ) -> None:
-        joints = (*right, *left)
-        w = len(joints)
-        self.signs = (1.0,) * w if signs is None else tuple(signs)
-        self.radius, self.half_track, self.offset, self.kappa = radius, half_track, offset, kappa
-        R, W, a = radius, half_track, offset
-        A_b, N_b, B_b = np.zeros((1 + w, 3 + w)), np.zeros((3 + w, 2)), np.zeros((3 + w, 2))
-        A_b[0, :3] = 0.0, -1.0, a  # no lateral slip; below it no longitudinal slip of each wheel
-        geared = []
-        for j, (names, side) in enumerate(((right, 1.0), (left, -1.0))):
-            first = j * len(right)
-            forward = self.signs[first]
-            Y = kappa * R / (2.0 * W) * forward
-            N_b[:3, j] = Y * W, side * Y * a, side * Y
-            B_b[3 + first, j] = 1.0
-            for i, name in enumerate(names, start=first):
-                A_b[1 + i, :3] = 1.0, 0.0, side * W
-                A_b[1 + i, 3 + i] = -R * self.signs[i]
-                N_b[3 + i, j] = kappa * self.signs[i] * forward
-                if i != first:
-                    geared.append(Gear(name, names[0], self.signs[i] * forward))
-        self.geared = tuple(geared)
-        wheels = tuple(Wheel(joint, R) for joint in joints)
-        super().__init__(joints, ("alpha_1", "alpha_2"), A_b, N_b, B_b, wheels=wheels, **place)
-
-    @classmethod
-    def with_wheels(
-        cls,
         site: Site,
         given: Any,
         right: Sequence[JointPlace],
         left: Sequence[JointPlace],
         kappa: float = 1.0,
         factor: float = 1.0,
-    ) -> Self:
-        """A platform whose wheels are where a URDF has them, its track times a factor."""
+    ) -> None:
         middle, half_track = sides(site, right, left)
-        W = half_track if given.half_track is None else given.half_track
-        R, a = given.wheel_radius, given.reference_offset
-        return cls(
-            joints_of(right),
-            joints_of(left),
-            radius=R,
-            half_track=W * factor,
-            offset=a,
-            kappa=kappa,
-            signs=[place.sign for place in (*right, *left)],
+        self.radius, self.offset, self.kappa = given.wheel_radius, given.reference_offset, kappa
+        self.half_track = (given.half_track or half_track) * factor
+        R, W, a = self.radius, self.half_track, self.offset
+        joints = joints_of([*right, *left])
+        w = len(joints)
+        A_b, N_b, B_b = np.zeros((1 + w, 3 + w)), np.zeros((3 + w, 2)), np.zeros((3 + w, 2))
+        A_b[0, :3] = 0.0, -1.0, a  # no lateral slip; below it no longitudinal slip of each wheel
+        geared = []
+        for j, (places, side) in enumerate(((right, 1.0), (left, -1.0))):
+            first, motor = j * len(right), places[0]
+            Y = kappa * R / (2.0 * W) * motor.sign
+            N_b[:3, j] = Y * W, side * Y * a, side * Y
+            B_b[3 + first, j] = 1.0
+            for i, place in enumerate(places, start=first):
+                A_b[1 + i, :3] = 1.0, 0.0, side * W
+                A_b[1 + i, 3 + i] = -R * place.sign
+                N_b[3 + i, j] = kappa * place.sign * motor.sign
+                if i != first:
+                    geared.append(Gear(place.joint, motor.joint, place.sign * motor.sign))
+        self.geared = tuple(geared)
+        super().__init__(
+            joints,
+            ("alpha_1", "alpha_2"),
+            *(A_b, N_b, B_b),
+            wheels=[Wheel(joint, R) for joint in joints],
             root_offset=np.array([-a, 0.0, R]) - middle,
             heading=given.heading,
         )
@@ -126,13 +101,10 @@ class Differential(TwoSided):
 
     fields = DifferentialParameters
 
-    @classmethod
-    def build(cls, site: Site) -> Differential:
-        """See :meth:`Platform.build`; the wheels say where the axle is, and which way they roll."""
-        given = site.read(DifferentialParameters)
-        wheels = Named(site, given).pair("right_wheel", "left_wheel", *_WHEELS)
+    def __init__(self, site: Site, given: DifferentialParameters) -> None:
+        right, left = Named(site, given).pair("right_wheel", "left_wheel", *_WHEELS)
         kappa = 1.0 if given.alpha == "wheel-rates" else 2.0 / given.wheel_radius
-        return cls.with_wheels(site, given, wheels[:1], wheels[1:], kappa=kappa)
+        super().__init__(site, given, [right], [left], kappa)
 
     @classmethod
     def parts(cls, given: Any, origin: str) -> Iterable[WheelPart]:
@@ -175,13 +147,10 @@ class SkidSteer(TwoSided):
     fields = SkidSteerParameters
     skids = True
 
-    @classmethod
-    def build(cls, site: Site) -> SkidSteer:
-        """See :meth:`Platform.build`."""
-        given = site.read(SkidSteerParameters)
+    def __init__(self, site: Site, given: SkidSteerParameters) -> None:
         named = Named(site, given)
         right, left = (named.wheels(f"{side}_wheels", *_names(side)) for side in ("right", "left"))
-        return cls.with_wheels(site, given, right, left, factor=given.track_factor)
+        super().__init__(site, given, right, left, factor=given.track_factor)
 
     @classmethod
     def parts(cls, given: Any, origin: str) -> Iterable[WheelPart]:

@@ -20,7 +20,14 @@ from pydantic import Field
 from mobman.errors import SpecError
 from mobman.model.platforms.body import Knuckle, WheeledBody, WheelPart, required
 from mobman.model.platforms.platform import Site, WheeledFields, platforms
-from mobman.model.platforms.swerve import Module, ModuleWheel, Swerve, located, modules_of, placed
+from mobman.model.platforms.swerve import (
+    Module,
+    ModuleWheel,
+    Swerve,
+    height_of,
+    located,
+    modules_of,
+)
 from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Named, carriers, joints_of, wheel_place
 from mobman.robots.urdf.compose import TRAVEL_JOINTS
 
@@ -77,10 +84,10 @@ class MultiAxle(Swerve):
     virtual_joints = TRAVEL_JOINTS[1:]
     velocity_names = ("v", "kappa_dot")
 
-    @classmethod
-    def build(cls, site: Site) -> MultiAxle:
-        """See :meth:`Platform.build`; the joints say which wheels are steered."""
-        given = site.read(MultiAxleParameters)
+    def found(
+        self, site: Site, given: Any
+    ) -> tuple[complex, list[Module], list[ModuleWheel], float]:
+        """See :meth:`Swerve.found`; the joints say which wheels are steered."""
         axes, places = located(Named(site, given), *_names(given.body, site.origin))
         wheels, steering = joints_of(places), set(joints_of(axes))
         turned = [place for place in places if {*carriers(site, place)} & steering]
@@ -123,7 +130,7 @@ class MultiAxle(Swerve):
             )
         driven = set(given.driven or wheels)
         rolling = [one._replace(driven=one.joint in driven) for one in rolling]
-        return cls(modules, rolling, **placed(given, middle, places))
+        return middle, modules, rolling, height_of(places)
 
     @classmethod
     def parts(cls, given: Any, origin: str) -> Iterable[WheelPart | Knuckle]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
@@ -66,51 +66,13 @@ class Omnidirectional(BodyFramePlatform):
     the w motors share them with the least sum of squares, :math:`\tau = W(W^TW)^{-1} v` for
     :math:`\dot\phi = W\alpha`.
 
-    Args:
-        joints: Names of the wheels' joints.
-        radius: R (m).
-        positions: Centres of the wheels in the platform's axes from its centre (m), shape (w, 2).
-        forward: Where a positive rate rolls each wheel, unit vectors, shape (w, 2).
-        rollers: Axes of the rollers that touch the ground, shape (w, 2).
-        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
+    Raises:
+        SpecError: If the wheels are less than three, or leave a direction of motion free.
     """
 
     fields = OmnidirectionalParameters
 
-    def __init__(
-        self,
-        joints: Sequence[str],
-        radius: float,
-        positions: Array,
-        forward: Array,
-        rollers: Array,
-        **place: Any,
-    ) -> None:
-        self.radius = R = radius
-        along = np.einsum("ij,ij->i", rollers, forward)
-        rows = np.column_stack([rollers, _cross(positions, rollers)])
-        self.wheel_map = rows / (R * along[:, None])
-        """W, phi' = W alpha, shape (w, 3)."""
-        shares = self.wheel_map @ np.linalg.inv(self.wheel_map.T @ self.wheel_map)
-        super().__init__(
-            joints,
-            ("v_x", "v_y", "omega"),
-            np.hstack([rows, -R * np.diag(along)]),
-            np.vstack([np.eye(3), self.wheel_map]),
-            np.vstack([np.zeros((3, 3)), shares]),
-            wheels=tuple(
-                Wheel(joint, R, float(angle))
-                for joint, angle in zip(
-                    joints, np.arctan2(_cross(forward, rollers), along), strict=True
-                )
-            ),
-            **place,
-        )
-
-    @classmethod
-    def build(cls, site: Site) -> Omnidirectional:
-        """See :meth:`Platform.build`; the wheels say where the middle is and which way they roll."""
-        given = site.read(OmnidirectionalParameters)
+    def __init__(self, site: Site, given: OmnidirectionalParameters) -> None:
         places = Named(site, given).rolling(*_names(given))
         names = joints_of(places)
         if len(set(names)) < max(3, len(names)):
@@ -132,13 +94,19 @@ class Omnidirectional(BodyFramePlatform):
                 f"{site.origin}: [platform]: these wheels and rollers leave a direction of motion free; "
                 "check fields 'platform.wheels', 'platform.kind' and 'platform.roller_angles'"
             )
-        return cls(
+        self.radius = R = given.wheel_radius
+        along = np.einsum("ij,ij->i", rollers, forward)
+        W = rows / (R * along[:, None])
+        shares = W @ np.linalg.inv(W.T @ W)
+        turned = np.arctan2(_cross(forward, rollers), along).tolist()
+        super().__init__(
             names,
-            given.wheel_radius,
-            positions,
-            forward,
-            rollers,
-            root_offset=np.array([0.0, 0.0, given.wheel_radius]) - centre,
+            ("v_x", "v_y", "omega"),
+            np.hstack([rows, -R * np.diag(along)]),
+            np.vstack([np.eye(3), W]),
+            np.vstack([np.zeros((3, 3)), shares]),
+            wheels=[Wheel(name, R, angle) for name, angle in zip(names, turned, strict=True)],
+            root_offset=np.array([0.0, 0.0, R]) - centre,
             heading=given.heading,
         )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -143,7 +142,7 @@ class Equations(NamedTuple):
     (l, l-k). For motors on the coordinates themselves it is a selection of them."""
 
 
-class Platform(ABC):
+class Platform:
     r"""A driving base with Pfaffian constraints :math:`A(x)\dot x = 0` (1) and
     :math:`\dot x = N(x)\alpha` (3), :math:`A N = 0` (4).
 
@@ -200,13 +199,15 @@ class Platform(ABC):
         self.heading, self.wheels = heading, tuple(wheels)
 
     @classmethod
-    @abstractmethod
     def build(cls, site: Site) -> Platform:
-        """A platform from the fields of ``[platform]`` and the URDF's kinematic tree.
+        """A platform from the fields of ``[platform]`` and the URDF's kinematic tree; by default what
+        the class makes of ``site`` and these fields.
 
         Raises:
             SpecError: If a field is wrong or the tree does not fit the type.
         """
+        make: Callable[..., Platform] = cls
+        return make(site, site.read(cls.fields))
 
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:

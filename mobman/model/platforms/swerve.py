@@ -124,25 +124,18 @@ class Swerve(Platform):
     Steering moves no tip at once, as a car's: it takes couplings in the criterion. A rotation on the
     spot, :math:`\kappa \to \infty`, is not among the coordinates' values.
 
-    Args:
-        modules: The steering joints, before the places where nothing is steered.
-        rolling: The wheels.
-        radius: R (m).
-        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
+    Attributes:
+        modules: The steering joints.
     """
 
     fields: type[WheeledFields] = SwerveParameters
     virtual_joints: tuple[str, ...] = TRAVEL_JOINTS
     velocity_names: tuple[str, ...] = ("v", "psi_dot", "kappa_dot")
 
-    def __init__(
-        self,
-        modules: Sequence[Module],
-        rolling: Sequence[ModuleWheel],
-        radius: float,
-        **place: Any,
-    ) -> None:
-        self.modules, self.radius = tuple(one for one in modules if one.sign), radius
+    def __init__(self, site: Site, given: Any) -> None:
+        middle, modules, rolling, height = self.found(site, given)
+        self.radius = R = given.wheel_radius
+        self.modules = tuple(one for one in modules if one.sign)
         self.following = tuple(one.joint for one in self.modules)
         n, last = len(self.modules), 2 + len(self.virtual_joints)  # kappa's place
         l = last + 1 + n + len(rolling)
@@ -153,7 +146,7 @@ class Swerve(Platform):
             module = modules[wheel.module]
             steered = (last + 1 + wheel.module, module.sign) if module.sign else (2, 0.0)
             lever = {steered[0]: -wheel.left * module.sign, 2: -wheel.left}
-            others = {**lever, j: -wheel.sign * radius}
+            others = {**lever, j: -wheel.sign * R}
             rows.append(row(l, module.forward, module.position, steered, others))
         numbers = [(m.position.real, m.position.imag, m.sign) for m in self.modules]
         own = [n, *np.ravel(numbers), *(wheel.driven for wheel in rolling)]
@@ -165,14 +158,16 @@ class Swerve(Platform):
                 *(_velocity_map, _velocity_map_rate, _constraints),
                 *(_constraint_derivative_rate, _actuation),
             ),
-            wheels=[Wheel(wheel.joint, radius) for wheel in rolling],
-            **place,
+            wheels=[Wheel(wheel.joint, R) for wheel in rolling],
+            root_offset=np.array([-middle.real, -middle.imag, R - height]),
+            heading=given.heading,
         )
 
-    @classmethod
-    def build(cls, site: Site) -> Swerve:
-        """See :meth:`Platform.build`; the wheels say in which direction a module points."""
-        given = site.read(SwerveParameters)
+    def found(
+        self, site: Site, given: Any
+    ) -> tuple[complex, list[Module], list[ModuleWheel], float]:
+        """The reference point (m), the steering joints and behind them the places where nothing is
+        steered, the wheels, and the height of their centres (m), from the root link's origin."""
         own = _spots(given.body, "") if given.body is not None else {}
         axes, places = located(Named(site, given), own, own)
         if len(axes) < 2:
@@ -180,8 +175,7 @@ class Swerve(Platform):
                 "steering", f" is {joints_of(axes)}; allowed: two or more different joints"
             )
         middle = complex(np.mean([place.at for place in axes]))
-        modules, rolling = modules_of(site, axes, places, middle)
-        return cls(modules, rolling, **placed(given, middle, places))
+        return middle, *modules_of(site, axes, places, middle), height_of(places)
 
     @classmethod
     def parts(cls, given: Any, origin: str) -> Iterable[WheelPart | Knuckle]:
@@ -250,11 +244,9 @@ def located(
     return axes, places
 
 
-def placed(given: Any, middle: complex, wheels: Sequence[JointPlace]) -> dict[str, Any]:
-    """Radius and place of a platform whose reference point is in the middle (m)."""
-    height = given.wheel_radius - float(np.mean([place.centre[2] for place in wheels]))
-    offset = np.array([-middle.real, -middle.imag, height])
-    return {"radius": given.wheel_radius, "root_offset": offset, "heading": given.heading}
+def height_of(wheels: Sequence[JointPlace]) -> float:
+    """Mean height of wheels' centres (m)."""
+    return float(np.mean([place.centre[2] for place in wheels]))
 
 
 def modules_of(

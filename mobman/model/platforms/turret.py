@@ -10,7 +10,7 @@ so that for :math:`a \ne 0` the two wheels and the turret's motor move the body 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -65,56 +65,14 @@ class Turret(BodyFramePlatform):
     root link is the body, with the carriage behind the turret's joint; where the root link is the
     carriage, that joint is the arm's first one on a differential platform.
 
-    Args:
-        turret: Name of the turret's joint.
-        wheels: Joint names of the right and the left wheel.
-        radius: R (m).
-        half_track: W (m).
-        offset: a (m), not 0.
-        turn: +1 where a positive angle turns the carriage to the left, else -1.
-        signs: +1 where a wheel's positive rate drives forward, else -1.
-        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
+    Raises:
+        SpecError: If the wheels are not behind the turret's joint, or its axis is above the axle.
     """
 
     fields = TurretParameters
 
-    def __init__(
-        self,
-        turret: str,
-        wheels: Sequence[str],
-        radius: float,
-        half_track: float,
-        offset: float,
-        turn: float = 1.0,
-        signs: Sequence[float] = (1.0, 1.0),
-        **place: Any,
-    ) -> None:
-        self.radius, self.half_track, self.offset = radius, half_track, offset
-        # in the carriage's axes, which the turret turns against the body; beta' = theta' + turn psi'
-        A_b, N_b, B_b = np.zeros((3, 6)), np.zeros((6, 3)), np.zeros((6, 3))
-        A_b[0, :4] = 0.0, -1.0, offset, offset * turn  # no lateral slip of the axle
-        for j, side in enumerate((half_track, -half_track)):
-            A_b[1 + j, :4] = 1.0, 0.0, side, side * turn  # no longitudinal slip of the wheel
-            A_b[1 + j, 4 + j] = -radius * signs[j]
-            v = 0.5 * radius * signs[j]
-            N_b[:3, j] = v, offset * v / side, v / side
-            N_b[4 + j, j] = 1.0
-        N_b[2:4, 2] = -turn, 1.0
-        B_b[[4, 5, 3], [0, 1, 2]] = 1.0  # a motor on each wheel and on the turret
-        super().__init__(
-            (turret, *wheels),
-            ("alpha_1", "alpha_2", f"{turret}_rate"),
-            *(A_b, N_b, B_b),
-            turned=(3, turn),
-            wheels=[Wheel(joint, radius) for joint in wheels],
-            **place,
-        )
-
-    @classmethod
-    def build(cls, site: Site) -> Turret:
-        """See :meth:`Platform.build`."""
-        given = site.read(TurretParameters)
-        named = Named(site, given)
+    def __init__(self, site: Site, given: TurretParameters) -> None:
+        named, R = Named(site, given), given.wheel_radius
         (axis,) = named.steering("turret", _TURRET)
         places = named.pair("right_wheel", "left_wheel", *_WHEELS)
         if any(axis.joint not in carriers(site, place) for place in places):
@@ -131,22 +89,32 @@ class Turret(BodyFramePlatform):
                 f": its axis is {apart[1]:+.4f} m beside the middle of the wheels; allowed: ahead of "
                 "it or behind it",
             )
-        offset = float(apart[0]) if given.offset is None else given.offset
-        if abs(offset) < _LEAST:
+        a = float(apart[0]) if given.offset is None else given.offset
+        if abs(a) < _LEAST:
             raise site.fault(
                 "offset",
-                f" is {offset:.4f} m; allowed: at least {_LEAST} m either way, or else the wheels do "
-                "not move the body sideways",
+                f" is {a:.4f} m; allowed: at least {_LEAST} m either way, or else the wheels do not "
+                "move the body sideways",
             )
-        return cls(
-            axis.joint,
-            joints_of(places),
-            given.wheel_radius,
-            half_track if given.half_track is None else given.half_track,
-            offset,
-            turn=axis.turn,
-            signs=[place.sign for place in places],
-            root_offset=np.array([-axis.centre[0], -axis.centre[1], given.wheel_radius - axle[2]]),
+        W, turn = given.half_track or half_track, axis.turn
+        # in the carriage's axes, which the turret turns against the body; beta' = theta' + turn psi'
+        A_b, N_b, B_b = np.zeros((3, 6)), np.zeros((6, 3)), np.zeros((6, 3))
+        A_b[0, :4] = 0.0, -1.0, a, a * turn  # no lateral slip of the axle
+        for j, (place, side) in enumerate(zip(places, (W, -W), strict=True)):
+            A_b[1 + j, :4] = 1.0, 0.0, side, side * turn  # no longitudinal slip of the wheel
+            A_b[1 + j, 4 + j] = -R * place.sign
+            v = 0.5 * R * place.sign
+            N_b[:3, j] = v, a * v / side, v / side
+            N_b[4 + j, j] = 1.0
+        N_b[2:4, 2] = -turn, 1.0
+        B_b[[4, 5, 3], [0, 1, 2]] = 1.0  # a motor on each wheel and on the turret
+        super().__init__(
+            joints_of([axis, *places]),
+            ("alpha_1", "alpha_2", f"{axis.joint}_rate"),
+            *(A_b, N_b, B_b),
+            turned=(3, turn),
+            wheels=[Wheel(joint, R) for joint in joints_of(places)],
+            root_offset=np.array([-axis.centre[0], -axis.centre[1], R - axle[2]]),
             heading=given.heading,
         )
 

@@ -40,29 +40,19 @@ class Unicycle(BodyFramePlatform):
     are the force along the heading (N) and the torque about the vertical (N m) through the point that
     does not slip sideways, so that B is the identity. What the differential platform is if its wheels
     are left out: they have no inertia of their own and no place in the criterion.
-
-    Args:
-        offset: a (m).
-        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
     """
 
     fields = UnicycleParameters
 
-    def __init__(self, offset: float = 0.0, **place: Any) -> None:
-        self.offset = offset
-        A_b = np.array([[0.0, -1.0, offset]])
-        N_b = np.array([[1.0, 0.0], [0.0, offset], [0.0, 1.0]])
+    def __init__(self, site: Site, given: UnicycleParameters) -> None:
+        self.offset = a = given.reference_offset
+        A_b = np.array([[0.0, -1.0, a]])
+        N_b = np.array([[1.0, 0.0], [0.0, a], [0.0, 1.0]])
         # a force through the axle turns nothing about the reference point ahead of it
         B_b = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
-        super().__init__((), ("v", "omega"), A_b, N_b, B_b, **place)
-
-    @classmethod
-    def build(cls, site: Site) -> Unicycle:
-        """See :meth:`Platform.build`."""
-        given = site.read(UnicycleParameters)
-        offset = offset_of(*given.axle, given.height, given.heading)
-        offset[0] -= given.reference_offset
-        return cls(given.reference_offset, root_offset=offset, heading=given.heading)
+        place = offset_of(*given.axle, given.height, given.heading) - np.array([a, 0.0, 0.0])
+        names = "v", "omega"
+        super().__init__((), names, A_b, N_b, B_b, root_offset=place, heading=given.heading)
 
 
 class PlanarParameters(_PlainFields):
@@ -80,23 +70,19 @@ class Planar(BodyFramePlatform):
     axes (m/s, rad/s); the commands are the force (N) and the torque about the vertical (N m) at the
     reference point, so that B is the identity. What the omnidirectional platform is if its wheels are
     left out: for bases on mecanum, omni or steered wheels whose URDF has no joints for them.
-
-    Args:
-        **place: ``root_offset`` and ``heading``, see :class:`Platform`.
     """
 
     fields = PlanarParameters
 
-    def __init__(self, **place: Any) -> None:
-        names = "v_x", "v_y", "omega"
-        super().__init__((), names, np.zeros((0, 3)), np.eye(3), np.eye(3), **place)
-
-    @classmethod
-    def build(cls, site: Site) -> Planar:
-        """See :meth:`Platform.build`."""
-        given = site.read(PlanarParameters)
-        offset = offset_of(*given.centre, given.height, given.heading)
-        return cls(root_offset=offset, heading=given.heading)
+    def __init__(self, site: Site, given: PlanarParameters) -> None:
+        place = offset_of(*given.centre, given.height, given.heading)
+        super().__init__(
+            (),
+            ("v_x", "v_y", "omega"),
+            *(np.zeros((0, 3)), np.eye(3), np.eye(3)),
+            root_offset=place,
+            heading=given.heading,
+        )
 
 
 class FixedParameters(Strict):
@@ -116,14 +102,8 @@ class Fixed(Platform):
     fields = FixedParameters
     base_joints = ()
 
-    def __init__(self) -> None:
+    def __init__(self, site: Site, given: FixedParameters) -> None:
         super().__init__((), (), Equations(np.zeros(0), _none, _along, _no_A, _along, _none))
-
-    @classmethod
-    def build(cls, site: Site) -> Fixed:
-        """See :meth:`Platform.build`."""
-        site.read(FixedParameters)
-        return cls()
 
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
