@@ -115,7 +115,8 @@ def add(
     input, or a name of the package robot_descriptions. Each value has a comment that says why it was
     taken. What the URDF does not tell is asked for.
     """
-    from mobman.robots.incoming.describe import OnLink, describe
+    from mobman.robots.incoming.describe import describe
+    from mobman.robots.incoming.incoming import OnLink
     from mobman.robots.urdf.meshes import with_absolute_meshes
     from mobman.robots.urdf.read import UrdfFile, UrdfSources
 
@@ -141,7 +142,7 @@ def add(
     sources, copies, files = [], dict[Path, str](), []
     for i, part in enumerate(found.parts):
         source, file = part.source(part.file.path, folder, found.packages), part.file
-        if source.package is None and (output is None or part.given.made):
+        if source.package is None and (output is None or part.made):
             # what was made, or lies anywhere: a copy, so that nothing breaks where the file is moved
             place = target.with_name(f"{target.stem}{f'.mount{i}' if i else ''}.urdf")
             copies[place] = with_absolute_meshes(file).decode()

@@ -6,44 +6,21 @@ import os
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from mobman.errors import SpecError
-from mobman.robots.incoming.incoming import Incoming, incoming
+from mobman.robots.incoming.incoming import OnLink, UrdfPart, incoming
 from mobman.robots.infer.findings import Inferred, Options, Undecided
 from mobman.robots.infer.infer import Inference, infer
-from mobman.robots.infer.write import choose_name, robot_toml, urdf_source
+from mobman.robots.infer.write import choose_name, robot_toml
 from mobman.robots.spec import Mount, RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import Mounted, compose
 from mobman.robots.urdf.meshes import mesh_paths
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.validate import listed
 from mobman.toml_model import validate
-
-
-class OnLink(NamedTuple):
-    """Something to be mounted."""
-
-    source: str  # as of :func:`incoming`
-    link: str | None  # link that carries it; None if the user did not say
-    prefix: str = ""
-
-
-class UrdfPart(NamedTuple):
-    """A URDF of a robot."""
-
-    given: Incoming  # where it came from
-    file: UrdfFile
-    mount: OnLink | None = None  # how it is mounted; None for the platform's
-
-    def source(self, path: Path, folder: Path | None, packages: Sequence[Path]) -> UrdfSource:
-        """The table of a TOML in a folder (None: in the user's) for this part, its file at a path."""
-        own = urdf_source(path, folder, packages, self.file.up)
-        if self.mount is None:
-            return own
-        parent, prefix = str(self.mount.link), self.mount.prefix
-        return Mount(**own.model_dump(), parent=parent, prefix=prefix)
 
 
 class Described(NamedTuple):
@@ -60,7 +37,7 @@ class Described(NamedTuple):
         """The text of its TOML, with these tables for its parts and the weight of the heading."""
         trees = [part.file.parse() for part in self.parts]
         names = [{one.get("name", "") for one in tree.findall("joint")} for tree in trees]
-        origin = self.parts[0].given.origin or self.parts[0].file.path
+        origin = self.parts[0].origin or self.parts[0].file.path
         own = list(zip(sources, names, strict=True))
         return robot_toml(self.found, self.name, own, self.warnings, origin, heading)
 
@@ -105,17 +82,14 @@ def describe(
     parts = []
     for mount in (None, *mounts):
         named = source if mount is None else mount.source
-        given = incoming(named, packages=packages, arguments=arguments)
-        folders = (*given.packages, *given.path.parents)
-        axis = up if mount is None else "z"
-        made = given.origin is not None and given.origin != given.path
-        origin = made_of or (str(given.origin) if made else "")
-        parts.append(UrdfPart(given, UrdfFile(given.path, folders, up=axis, made_of=origin), mount))
+        part = incoming(named, packages=packages, arguments=arguments)
+        origin, axis = made_of or part.file.made_of, up if mount is None else "z"
+        parts.append(replace(part, file=replace(part.file, up=axis, made_of=origin), mount=mount))
     base = parts[0]
     inside = base.file.parse().get("name", "")
-    chosen = choose_name(name, output, inside, base.given.origin or base.file.path)
+    chosen = choose_name(name, output, inside, base.origin or base.file.path)
     found = infer(base.file if len(parts) == 1 else _mounted(parts), options or Options())
-    said = [text for part in parts for text in (*part.given.said, *part.file.remarks)]
+    said = [text for part in parts for text in (*part.said, *part.file.remarks)]
     if stated := [name for part in parts for name in part.file.friction]:
         said.append(
             f"<dynamics> gives damping or friction to {len(stated)} joints ({listed(stated)}), which "

@@ -21,7 +21,8 @@ from mobman.files import read_input, write_whole
 from mobman.isolation import helper
 from mobman.robots.incoming import sdf_file
 from mobman.robots.incoming.models import urdf_of_mjcf
-from mobman.robots.spec import made_folder
+from mobman.robots.infer.write import urdf_source
+from mobman.robots.spec import Mount, UrdfSource, made_folder
 from mobman.robots.urdf.meshes import MeshFinder
 from mobman.robots.urdf.read import MEGABYTES, UrdfFile, macros, parse_xml
 from mobman.robots.urdf.validate import listed
@@ -35,18 +36,31 @@ _DEPTH, _MOST_FILES, _MOST_MEGABYTES = 8, 20_000, 2000.0  # of folders and archi
 _PLAIN = "robot.urdf"  # a name that says nothing: that of the robot is looked for inside
 
 
-@dataclass(frozen=True)
-class Incoming:
-    """A URDF on disk."""
+class OnLink(NamedTuple):
+    """Something to be mounted."""
 
-    path: Path  # the file; absolute
-    packages: tuple[Path, ...] = ()
-    """Folders in which packages of its meshes are looked for, the user's own first."""
-    made: bool = False
-    """True if it was made from something else, and lies among mobman's own files."""
+    source: str  # as of :func:`incoming`
+    link: str | None  # link that carries it; None if the user did not say
+    prefix: str = ""
+
+
+@dataclass(frozen=True)
+class UrdfPart:
+    """A URDF of a robot."""
+
+    file: UrdfFile
+    made: bool = False  # True if it was made from something else, and lies among mobman's own files
     said: tuple[str, ...] = ()  # what was done to get it, and what is not in it, in sentences
-    origin: Path | None = None
-    """The file that it was made from; None if that is itself, or a pipe."""
+    origin: Path | None = None  # the file that it was made from; None if that is itself, or a pipe
+    mount: OnLink | None = None  # how it is mounted; None for the platform's
+
+    def source(self, path: Path, folder: Path | None, packages: Sequence[Path]) -> UrdfSource:
+        """The table of a TOML in a folder (None: in the user's) for this part, its file at a path."""
+        own = urdf_source(path, folder, packages, self.file.up)
+        if self.mount is None:
+            return own
+        parent, prefix = str(self.mount.link), self.mount.prefix
+        return Mount(**own.model_dump(), parent=parent, prefix=prefix)
 
 
 class _Given(NamedTuple):
@@ -59,7 +73,7 @@ def incoming(
     *,
     packages: Sequence[Path] = (),
     arguments: Mapping[str, str] | None = None,
-) -> Incoming:
+) -> UrdfPart:
     """A URDF of what a user names.
 
     Args:
@@ -131,12 +145,12 @@ def _described(name: str) -> Path:
     return Path(path)
 
 
-def _of_file(path: Path, given: _Given) -> Incoming:
+def _of_file(path: Path, given: _Given) -> UrdfPart:
     content = read_input(path, "URDF", MEGABYTES, "geometry belongs in meshes")
     return _of_content(content, path.resolve(), given)
 
 
-def _of_content(content: bytes, path: Path | None, given: _Given) -> Incoming:
+def _of_content(content: bytes, path: Path | None, given: _Given) -> UrdfPart:
     """A URDF of a file's content; the path is None if it came through a pipe."""
     where = f"the URDF {path}" if path is not None else "the URDF of the pipe"
     try:
@@ -144,7 +158,7 @@ def _of_content(content: bytes, path: Path | None, given: _Given) -> Incoming:
     except SpecError:
         if path is None:
             raise
-        return Incoming(path, given.packages)  # whoever reads it says what is wrong
+        return _plain(path, given)  # whoever reads it says what is wrong
     beside = path if path is not None else Path.cwd() / _PLAIN
     files: dict[str, bytes] = {}
     if root.tag == "mujoco":
@@ -157,15 +171,21 @@ def _of_content(content: bytes, path: Path | None, given: _Given) -> Incoming:
         raise UsageError("--xacro-arg is for files of xacro, which this is not")
     elif path is None:
         kept = keep_urdf(_PLAIN, content)
-        return Incoming(kept, (*given.packages, Path.cwd()), True, (f"a copy is kept: {kept}",))
+        folders = (*given.packages, Path.cwd(), *kept.parents)
+        return UrdfPart(UrdfFile(kept, folders), True, (f"a copy is kept: {kept}",))
     else:
-        return Incoming(path, given.packages)
+        return _plain(path, given)
     kept = keep_urdf(f"{beside.name.split('.')[0] or 'robot'}.urdf", text.encode(), files)
-    folders = (*given.packages, *(() if root.tag == "mujoco" else beside.parents))
-    return Incoming(kept, folders, True, tuple(said), path)
+    folders = (*given.packages, *(() if root.tag == "mujoco" else beside.parents), *kept.parents)
+    file = UrdfFile(kept, folders, made_of="" if path is None else str(path))
+    return UrdfPart(file, True, tuple(said), path)
 
 
-def _of_folder(folder: Path, given: _Given) -> Incoming:
+def _plain(path: Path, given: _Given) -> UrdfPart:
+    return UrdfPart(UrdfFile(path, (*given.packages, *path.parents)))
+
+
+def _of_folder(folder: Path, given: _Given) -> UrdfPart:
     """The only URDF of a folder, or else its only file ``*.urdf.xacro``."""
     files = list(_files(folder))
     found = [path for path in files if path.suffix.lower() == ".urdf"]
@@ -191,7 +211,7 @@ def _files(folder: Path) -> Iterator[Path]:
         yield from (Path(place) / name for name in sorted(names))
 
 
-def _of_archive(path: Path, given: _Given) -> Incoming:
+def _of_archive(path: Path, given: _Given) -> UrdfPart:
     """The only robot of a ZIP archive, whose files are kept.
 
     Raises:
@@ -224,7 +244,7 @@ def _of_archive(path: Path, given: _Given) -> Incoming:
         raise SpecError(f"cannot unpack the archive {path}: {error.strerror or error}") from error
     only = _of_folder(folder, given)
     said = (f"{path.name} is unpacked to {folder}", *only.said[1:])
-    return replace(only, made=True, said=said, origin=only.origin or only.path)
+    return replace(only, made=True, said=said, origin=only.origin or only.file.path)
 
 
 def keep_urdf(name: str, content: bytes, files: Mapping[str, bytes] | None = None) -> Path:

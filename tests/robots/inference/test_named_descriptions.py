@@ -50,7 +50,7 @@ def test_a_robot_that_cannot_be_fetched_is_said(name, kind, words):
 
 
 def test_a_robot_that_is_there_is_taken(package):
-    assert incoming("cart_description").path == package
+    assert incoming("cart_description").file.path == package
 
 
 @pytest.mark.skipif(importlib.util.find_spec(PACKAGE) is not None, reason="it is installed")

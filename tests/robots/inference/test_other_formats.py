@@ -16,7 +16,6 @@ from mobman.cli.robots import robots
 from mobman.errors import SpecError, UsageError
 from mobman.robots.incoming.incoming import incoming
 from mobman.robots.incoming.models import urdf_of_model
-from mobman.robots.urdf.read import UrdfFile
 
 WHEELS = {"right_wheels": "wheel_right_joint", "left_wheels": ["wheel_left_joint"]}
 
@@ -155,7 +154,7 @@ def test_an_mjcf_file(tmp_path):
         np.testing.assert_allclose(
             found[np.ix_(own, own)], mass[np.ix_(dofs, dofs)] - armature, rtol=0, atol=1e-9
         )
-    file = UrdfFile(incoming(path).path, ())
+    file = incoming(path).file
     assert (file.path.parent / "meshes/0_wedge.stl").stat().st_size == 84 + 4 * 50
     assert len(list(file.parse().iter("sphere"))) == 3  # two ends of a capsule, one of the hand
 

@@ -268,8 +268,8 @@ def test_standard_input(mobman_robots, tmp_path, monkeypatch, data_home):
         monkeypatch.setattr(sys, "stdin", pipe)
         given = incoming("-")
     assert given.made
-    assert given.path.is_relative_to(data_home)
-    assert given.path.read_bytes() == text
+    assert given.file.path.is_relative_to(data_home)
+    assert given.file.path.read_bytes() == text
 
 
 def test_a_pipe_and_its_copy(mobman_robots, tmp_path, data_home):
