@@ -141,7 +141,7 @@ def add(
     folder = None if output is None else target.absolute().parent
     sources, copies, files = [], dict[Path, str](), []
     for i, part in enumerate(found.parts):
-        source, file = part.source(part.file.path, folder, found.packages), part.file
+        source, file = part.source(folder, found.packages), part.file
         if source.package is None and (output is None or part.made):
             # what was made, or lies anywhere: a copy, so that nothing breaks where the file is moved
             place = target.with_name(f"{target.stem}{f'.mount{i}' if i else ''}.urdf")

@@ -12,6 +12,7 @@ import sys
 import types
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -21,10 +22,9 @@ from mobman.files import read_input, write_whole
 from mobman.isolation import helper
 from mobman.robots.incoming import sdf_file
 from mobman.robots.incoming.models import urdf_of_mjcf
-from mobman.robots.infer.write import urdf_source
 from mobman.robots.spec import Mount, UrdfSource, made_folder
 from mobman.robots.urdf.meshes import MeshFinder
-from mobman.robots.urdf.read import MEGABYTES, UrdfFile, macros, parse_xml
+from mobman.robots.urdf.read import MEGABYTES, UrdfFile, macros, parse_xml, urdf_file
 from mobman.robots.urdf.validate import listed
 
 URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".zip")
@@ -33,6 +33,7 @@ URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".zip")
 _ADDRESS = re.compile(r"(?!file:)[A-Za-z][A-Za-z0-9+.-]*://|git@|www\.")
 _ROS_NAME = re.compile(r"[a-z0-9_]+_description")
 _DEPTH, _MOST_FILES, _MOST_MEGABYTES = 8, 20_000, 2000.0  # of folders and archives
+_PACKAGE = "example-robot-data"
 _PLAIN = "robot.urdf"  # a name that says nothing: that of the robot is looked for inside
 
 
@@ -54,13 +55,29 @@ class UrdfPart:
     origin: Path | None = None  # the file that it was made from; None if that is itself, or a pipe
     mount: OnLink | None = None  # how it is mounted; None for the platform's
 
-    def source(self, path: Path, folder: Path | None, packages: Sequence[Path]) -> UrdfSource:
-        """The table of a TOML in a folder (None: in the user's) for this part, its file at a path."""
-        own = urdf_source(path, folder, packages, self.file.up)
+    def source(self, folder: Path | None, packages: Sequence[Path]) -> UrdfSource:
+        """The table of a TOML for this part, with folders that hold packages of its meshes; paths are
+        relative to the TOML's folder where one is above the other, absolute if that is None."""
+        urdf = self.file.path.resolve()
+        own: dict[str, Any] = {"path": _path_from(urdf, folder), "up": self.file.up}
+        own["packages"] = [_path_from(package.resolve(), folder) for package in packages]
+        for robots in (up for up in urdf.parents if up.parts[-2:] == (_PACKAGE, "robots")):
+            place = {"path": urdf.relative_to(robots).as_posix(), "package": _PACKAGE}
+            with suppress(SpecError):
+                if urdf_file(UrdfSource(**place), Path(), "").path == urdf:  # this very file
+                    own |= place
         if self.mount is None:
-            return own
-        parent, prefix = str(self.mount.link), self.mount.prefix
-        return Mount(**own.model_dump(), parent=parent, prefix=prefix)
+            return UrdfSource(**own)
+        return Mount(**own, parent=str(self.mount.link), prefix=self.mount.prefix)
+
+
+def _path_from(path: Path, folder: Path | None) -> str:
+    """A path relative to a folder where one is above the other, else absolute."""
+    if folder is not None:
+        folder = folder.resolve()
+        if path.is_relative_to(folder) or folder.is_relative_to(path.parent):
+            return Path(os.path.relpath(path, folder)).as_posix()
+    return str(path)
 
 
 class _Given(NamedTuple):

@@ -16,8 +16,6 @@ from mobman.errors import UsageError
 _KNOWN = tomllib.loads(
     (files("mobman.robots.infer") / "inference.toml").read_text(encoding="utf-8")
 )
-LICENCES: list[tuple[str, str]] = _KNOWN["licences"]
-"""Short names of licences, and regular expressions for their texts."""
 TIPS: dict[str, str] = _KNOWN["tips"]
 """Kinds of frames at the end of an arm, the best ones first."""
 TYPES = {name: tuple(fields) for name, fields in _KNOWN["types"].items()}

@@ -10,9 +10,9 @@ import pytest
 from made_urdf import Robot, differential
 from support.differences import jacobian
 
+from mobman.robots.incoming.describe import patterns
 from mobman.robots.infer.findings import Undecided
 from mobman.robots.infer.kinematics import Chain, Tree
-from mobman.robots.infer.write import patterns
 
 
 def reasons(found):

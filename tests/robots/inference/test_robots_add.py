@@ -19,7 +19,8 @@ from mobman.files import write_new
 from mobman.model.platforms.platform import platforms
 from mobman.model.platforms.wheelless import Unicycle
 from mobman.robots.catalogue import list_robots
-from mobman.robots.infer.write import choose_name, licence
+from mobman.robots.incoming.describe import choose_name
+from mobman.robots.incoming.licence import licence
 from mobman.robots.spec import UrdfSource
 from mobman.robots.urdf.read import urdf_file
 
