@@ -21,10 +21,8 @@ def printable(text: str) -> str:
 class Shown(NamedTuple):
     """Rows that are shown of an object; texts may be of other people."""
 
-    line: str
-    """The whole of it at a prompt."""
-    facts: Mapping[str, object]
-    """By name; the rows of the table."""
+    line: str  # the whole of it at a prompt
+    facts: Mapping[str, object]  # by name; the rows of the table
 
 
 class Displayed:

@@ -46,12 +46,8 @@ def as_path(what: str, given: Any) -> Path:
 
 def read_input(path: Path, what: str, megabytes: float, advice: str) -> bytes:
     """The content of a file; never waits for one, and looks at its size before anything is read.
-
-    ``what`` names it in messages, such as ``"robot file"``; ``advice`` is said of one that is larger.
-
-    Raises:
-        SpecError: If it is not there, cannot be read, is no file, is too large, or is empty.
-    """
+    SpecError if it is not there, cannot be read, is no file, is empty, or too large, with an ``advice``;
+    messages call it ``what``, such as ``"robot file"``."""
     content, most = b"", int(megabytes * 1e6)
     try:
         status = path.stat()
@@ -114,10 +110,7 @@ def is_abandoned(temporary: Path) -> bool:
 @contextmanager
 def written(path: Path) -> Iterator[Path]:
     """A temporary path beside a file, which becomes the file once the block is done; its folder is made.
-
-    Raises:
-        MobmanError: If it cannot be written; one that is there is left as it was.
-    """
+    MobmanError if it cannot be written; one that is there is left as it was."""
     temporary = temporary_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -138,11 +131,9 @@ def write_all(contents: Mapping[Path, bytes]) -> None:
 
 
 def write_whole(path: Path, content: bytes, check: Callable[[Path], None] | None = None) -> None:
-    """Write a file whole or not at all, also where the machine loses its power meanwhile.
-
-    Its folder exists; ``check`` is called with the written file before it gets its name, and may raise.
-    OSError if it cannot be written; one that is there is left as it was.
-    """
+    """Write a file whole or not at all, also where the machine loses its power meanwhile; its folder
+    exists, and ``check`` is called with the written file before it gets its name, and may raise. OSError
+    if it cannot be written; one that is there is left as it was."""
     temporary = temporary_beside(path)
     try:
         temporary.write_bytes(content)
@@ -169,12 +160,8 @@ def sync_folder(folder: Path) -> None:
 
 def write_new(path: Path, text: str, force: bool, advice: str) -> None:
     """Write a file whole or not at all, and its folder where there is none; over one that is there only
-    by ``force``.
-
-    Raises:
-        UsageError: If it cannot be written, or is there already, with an ``advice`` such as ``"choose
-            another -o"``; folders made for it are gone then.
-    """
+    by ``force``. UsageError if it cannot be written, with an ``advice`` such as ``"choose another -o"``,
+    or is there already; folders made for it are gone then."""
     folder, temporary = path.absolute().parent, temporary_beside(path.absolute())
     missing = [place for place in (folder, *folder.parents) if not os.path.exists(place)]
     what = f"the folder {folder} cannot be made"

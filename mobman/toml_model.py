@@ -48,12 +48,8 @@ class Strict(BaseModel):
 
 def named_file(what: str, name_or_path: str | os.PathLike[str], files: Mapping[str, Path]) -> Path:
     """The file that a user's name, one of ``files``, or path means; what ends in ``.toml`` or has a
-    separator is a path. ``what`` says in messages what the files describe.
-
-    Raises:
-        UnknownNameError: If it is a name that is not there.
-        UsageError: If it is neither a name nor a path.
-    """
+    separator is a path. ``what`` says in messages what the files describe. UnknownNameError if it is a
+    name that is not there, UsageError if it is neither a name nor a path."""
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise UsageError(f"{name_or_path!r} is not a {what}: expected a name or a TOML file")
     text = os.fspath(name_or_path)
@@ -87,12 +83,9 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
 
 
 def validate(model: type[M], content: Any, origin: str, lines: TomlLines | None = None) -> M:
-    """``content`` as ``model``; ``origin`` is what to call it in messages, usually the file.
-
-    Raises:
-        SpecError: With one clause for each wrong field: its name, what was found, what is allowed; with
-            ``lines`` of the file also its line.
-    """
+    """``content`` as ``model``; ``origin`` is what to call it in messages, usually the file. SpecError
+    with a clause for each wrong field: its name, what was found, what is allowed; with ``lines`` of the
+    file also its line."""
     try:
         made: M = model.__pydantic_validator__.validate_python(content)
         return made

@@ -91,11 +91,8 @@ class PolicyController:
             self.scale = rule.level(Setting(robot, dt, np.random.default_rng(0)))
 
     def observe(self, t: float, q: Array, z: Array) -> Array:
-        """The observation at time t (s) and the measured state, shape (len(names),).
-
-        Raises:
-            SingularityError: If the tip is half a turn away from the desired orientation.
-        """
+        """The observation at time t (s) and the measured state, shape (len(names),); SingularityError if
+        the tip is half a turn away from the desired orientation."""
         space, limits = self._space, self._limits
         space.at(t, q, z)
         inside = np.minimum(q - limits.lower, limits.upper - q)[self._bounded]
@@ -105,11 +102,7 @@ class PolicyController:
         return np.asarray(np.clip(seen, self.low, self.high))
 
     def checked(self, action: Any) -> Array:
-        """The action as an array, shape (nz,).
-
-        Raises:
-            UsageError: If it is not nz finite real numbers.
-        """
+        """The action as an array, shape (nz,); UsageError if it is not nz finite real numbers."""
         nz = self._robot.nz
         try:
             values = np.asarray(action)
@@ -121,11 +114,8 @@ class PolicyController:
         return values.astype(float)
 
     def torque(self, action: Any, q: Array, z: Array) -> Array:
-        """The torque (N m, N) of an action at the measured state, shape (nz,).
-
-        Raises:
-            UsageError: As :meth:`checked`.
-        """
+        """The torque (N m, N) of an action at the measured state, shape (nz,); errors as
+        :meth:`checked`."""
         values = self.checked(action)
         command = np.asarray(self.scale * np.clip(values, -1.0, 1.0))
         if self.actions == "torque":

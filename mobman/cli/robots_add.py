@@ -213,11 +213,8 @@ def _check_absent(path: Path) -> None:
 
 
 def _verified(robot: MobileManipulator, as_it_is: bool) -> list[str]:
-    """Checks of what is about to be written; what is or may be wrong, in sentences.
-
-    Raises:
-        UsageError: If a size is wrong: it is asked for, and never written without ``--as-it-is``.
-    """
+    """Checks of what is about to be written; what is or may be wrong, in sentences. UsageError if a size
+    is wrong: it is asked for, and never written without ``--as-it-is``."""
     from mobman.checks.checks import run_checks
 
     findings = run_checks(robot, only=("ground", "wheel-radius"))

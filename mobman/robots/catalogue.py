@@ -85,14 +85,8 @@ def as_spec(spec_or_path: RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
 
 
 def registered_as(described: Mapping[str, Any]) -> RobotSpec:
-    """The registered robot of a description in a record, whose platform is Python code.
-
-    A file of unknown origin does not get to run code: the code is that of the user's own robot, and
-    only if that is described as the run's.
-
-    Raises:
-        SpecError: If no robot of the name and the description is registered.
-    """
+    """The registered robot of a description in a record, whose platform is Python code; SpecError if
+    none has both the name and the description: a file of unknown origin does not get to run code."""
     name = described.get("name")
     if name in list_robots():  # it is a name alone, never a path
         spec = find_spec(str(name))

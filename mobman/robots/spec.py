@@ -173,20 +173,13 @@ class RobotSpec(Strict):
 
 
 def read_spec(path: Path) -> RobotSpec:
-    """The robot that a TOML file describes.
-
-    Raises:
-        SpecError: If the file cannot be read or a field is wrong.
-    """
+    """The robot that a TOML file describes; SpecError if it cannot be read or a field is wrong."""
     return spec_of(read_toml(path, "robot file"), path)
 
 
 def spec_of(content: Mapping[str, Any], path: Path) -> RobotSpec:
-    """The robot that a TOML file of this content describes; the file need not be there yet.
-
-    Raises:
-        SpecError: If a field is wrong.
-    """
+    """The robot that a TOML file of this content describes, which need not be there yet; SpecError if a
+    field is wrong."""
     places = {"folder": path.resolve().parent, "file": path}
     return validate(RobotSpec, {**content, **places}, str(path))
 

@@ -75,14 +75,8 @@ def installed(library: str) -> bool:
 def read_meshes(
     wanted: Mapping[MeshKey, bool],
 ) -> tuple[dict[MeshKey, list[Surface]], dict[MeshKey, str]]:
-    """Read meshes, each with the triangles that can be seen of it, all with what a page carries.
-
-    Args:
-        wanted: The meshes, and whether they are drawn at once, in their colours.
-
-    Returns:
-        The surfaces of those that can be read, and the reasons why others cannot.
-    """
+    """Read meshes, with whether they are drawn at once, in their colours: each with the triangles that
+    can be seen of it, all with what a page carries; and the reasons why some cannot be read."""
     found, problems = {}, {}
     for key, seen in wanted.items():
         try:
@@ -127,10 +121,8 @@ def read_mesh(
 
 
 def reduced(surface: Surface, triangles: int) -> Surface:
-    """Reduce a surface to about so many triangles, in one colour where it had several.
-
-    It is returned as it is where that is enough, or where fast-simplification is not installed.
-    """
+    """Reduce a surface to about so many triangles, in one colour where it had several; it stays as it is
+    where that is enough, or where fast-simplification is not installed."""
     if len(surface.faces) <= triangles or not installed("fast_simplification"):
         return surface
     import fast_simplification
@@ -239,13 +231,8 @@ def _merged(vertices: Array, faces: Index) -> tuple[Array, Index]:
 
 
 def hollowed(box: Array, wells: Sequence[Array]) -> Surface:
-    """The surface of a box without what lies in other boxes.
-
-    Args:
-        box: Lowest and highest corner (m), shape (2, 3).
-        wells: The same of each box that is cut out, along the same axes; they may reach out of the box,
-            to infinity too.
-    """
+    """The surface of a box without what lies in other boxes along the same axes, which may reach out of
+    it, to infinity too; of each the lowest and the highest corner (m), shape (2, 3)."""
     cuts = [np.clip(well, *box) for well in wells]
     edges = [np.unique([box[:, axis], *(cut[:, axis] for cut in cuts)]) for axis in range(3)]
     middles = np.meshgrid(*(0.5 * (edge[1:] + edge[:-1]) for edge in edges), indexing="ij")

@@ -373,12 +373,8 @@ def _in_browser(
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """Start a browser without a window, by playwright; it is closed at the end.
-
-    Raises:
-        BrowserMissingError: If playwright or a browser is missing.
-        BrowserError: If the browser does not start, or ``MOBMAN_BROWSER`` names no program.
-    """
+    """Start a browser without a window, by playwright; it is closed at the end. BrowserMissingError if
+    one of both is missing, BrowserError if it does not start, or ``MOBMAN_BROWSER`` names no program."""
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError as error:

@@ -87,15 +87,9 @@ class Part:
 def robot_scene(
     robot: MobileManipulator, shapes: list[Primitive | Surface]
 ) -> tuple[dict[str, Any], list[str]]:
-    """Describe a robot for the page, and what could not be drawn as it should be.
-
-    Placements are matrices of shape (4, 4), row by row, in the frame of the joint named with them;
-    joint 0 is the world.
-
-    Args:
-        robot: The robot.
-        shapes: Those of the scene, each once; the robot's are added.
-    """
+    """Describe a robot for the page, and what could not be drawn as it should be; its shapes are added
+    to those of the scene, each once. Placements are matrices of shape (4, 4), row by row, in the frame
+    of the joint named with them; joint 0 is the world."""
     parts, warnings = robot_parts(robot)
     model = robot.model
     shapes += dict.fromkeys(part.shape for part in parts if part.shape not in shapes)

@@ -91,13 +91,7 @@ States = Record | SimpleNamespace
 
 
 def motion(record: States, robot: MobileManipulator | None, *, runs: int = 1) -> SampledRun:
-    """Take a run's motion from its samples.
-
-    Args:
-        record: The run.
-        robot: Its robot; None if it is not known.
-        runs: Number of runs that share the page.
-    """
+    """Take a run's motion from its samples, with its robot if that is known; ``runs`` share the page."""
     kept = frames(record.t, max(_FEWEST, MOST_FRAMES // runs))
     t, q, z, torque = (part[kept] for part in (record.t, record.q, record.z, record.torque))
     m = min(3, record.tip_position.shape[1])
@@ -125,12 +119,8 @@ def motion(record: States, robot: MobileManipulator | None, *, runs: int = 1) ->
 
 
 def frames(t: Array, most: int = MOST_FRAMES) -> Index:
-    """Choose samples to show: the first, the last, and about 60 a second between.
-
-    Args:
-        t: Times of the samples (s), rising.
-        most: Largest number of them, 2 or more.
-    """
+    """Choose samples to show, by their rising times (s): the first, the last, and about 60 a second
+    between, ``most`` of them at most."""
     count = min(most, int(np.ceil((t[-1] - t[0]) * FRAMES_PER_SECOND)) + 1)
     if len(t) <= count:
         return np.arange(len(t))
@@ -348,11 +338,8 @@ def robot_of_run(
 
     Meshes are looked for where the registered robot of that name has them, if it has the run's URDF (by
     its hash), or else in ``folder``, and nowhere else. A platform that is Python code is the registered
-    robot's, and only if that has the same description: a record runs no code.
-
-    Args:
-        record: The run.
-        folder: The folder of the record's file; the working directory if it has none.
+    robot's, and only if that has the same description: a record runs no code. ``folder`` is that of the
+    record's file, the working directory if it has none.
 
     Returns:
         The robot, or None and why there is none.

@@ -62,11 +62,8 @@ class View:
 
     @property
     def url(self) -> str:
-        """The address for a browser: of the file that it was written to, or this process's server.
-
-        Raises:
-            UsageError: If the view is closed, or the port is taken.
-        """
+        """The address for a browser: of the file that it was written to, or this process's server;
+        UsageError if the view is closed, or the port is taken."""
         if self._file is not None:
             return self._file.resolve().as_uri()
         if self._closed:

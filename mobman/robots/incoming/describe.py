@@ -44,8 +44,7 @@ class Described(NamedTuple):
     parts: tuple[UrdfPart, ...]  # its URDFs: the platform's, then what is mounted
     found: Inference  # what was inferred of all of them together
     packages: tuple[Path, ...]  # folders that the user named for the meshes
-    warnings: tuple[str, ...]
-    """What was done to get the files, and what of them has no effect."""
+    warnings: tuple[str, ...]  # what was done to get the files, and what of them has no effect
 
     def toml(self, sources: Sequence[UrdfSource], heading: Inferred | None = None) -> str:
         """The text of its TOML, with these tables for its parts, and the weight of the heading in the
@@ -151,11 +150,7 @@ def _mounted(parts: Sequence[UrdfPart]) -> UrdfFile:
 
 def choose_name(wanted: str | None, output: Path | None, inside: str, urdf: Path) -> str:
     """A name for a robot: the wanted one, or by the output file (None: in the catalogue), the URDF's
-    file, unless that says nothing, or the name inside the URDF.
-
-    Raises:
-        UsageError: If the user's cannot be one, or nothing gives one.
-    """
+    file, unless that says nothing, or the name inside the URDF; UsageError if there is none."""
     if wanted is not None:
         if not re.fullmatch(NAME, wanted):
             allowed = "letters, digits, '_', '.' and '-', first a letter or digit"

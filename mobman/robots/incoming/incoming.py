@@ -229,11 +229,8 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _of_archive(path: Path, given: _Given) -> UrdfPart:
-    """The only robot of a ZIP archive, whose files are kept.
-
-    Raises:
-        SpecError: If it is no archive, too large, or would write outside its folder.
-    """
+    """The only robot of a ZIP archive, whose files are kept; SpecError if it is no archive, too large,
+    or would write outside its folder."""
     try:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -362,10 +359,7 @@ def expand(path: str, arguments: dict[str, str], folders: list[str]) -> list[Any
 
 
 def _refuse_inner(code: types.CodeType, expression: str) -> None:
-    """
-    Raises:
-        MobmanError: If an expression uses a name that leads to the interpreter.
-    """
+    """Refuse an expression that uses a name that leads to the interpreter, by a MobmanError."""
     if wrong := [name for name in code.co_names if _FORBIDDEN.fullmatch(name)]:
         raise MobmanError(f"the expression {expression[:80]!r} uses {wrong[0]!r}, which is refused")
     for constant in code.co_consts:

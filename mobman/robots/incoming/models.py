@@ -26,12 +26,8 @@ _BASES = ("JointModelFreeFlyer", "JointModelPlanar")
 
 
 def urdf_of_mjcf(content: bytes, path: Path) -> tuple[str, list[str], dict[str, bytes]]:
-    """The URDF of an MJCF file, what of it a URDF cannot hold, and the meshes that it names.
-
-    Raises:
-        UsageError: If MuJoCo is not installed.
-        SpecError: If MuJoCo refuses the file, or it has no robot or several.
-    """
+    """The URDF of an MJCF file, what of it a URDF cannot hold, and the meshes that it names; UsageError
+    if MuJoCo is not installed, SpecError if it refuses the file, or there is no robot or several."""
     if importlib.util.find_spec("mujoco") is None:
         raise UsageError(
             f"{path} is an MJCF file, which MuJoCo reads; install it: pip install 'mobman[mujoco]'"

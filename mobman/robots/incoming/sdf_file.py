@@ -15,7 +15,7 @@ from mobman.robots.urdf import compose
 from mobman.robots.urdf.compose import place_joint, text_of
 from mobman.robots.urdf.validate import SHAPES, listed, number, numbers
 
-_MOVING = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
+_MOVING = ("revolute", "continuous", "prismatic")
 _NONE = 1e15  # SDF writes 1e16 for no limit
 _NOT_READ = (
     "sensor", "plugin", "light", "projector", "audio_source", "particle_emitter", "battery",
@@ -24,11 +24,8 @@ _MODEL, _WORLD = "__model__", "world"
 
 
 def urdf_of(sdf: ET.Element, where: str) -> tuple[str, list[str]]:
-    """The URDF of an SDF's only model, and what of it a URDF cannot hold.
-
-    Raises:
-        SpecError: If it has no model or several, one within another, or a number or frame is wrong.
-    """
+    """The URDF of an SDF's only model, and what of it a URDF cannot hold; SpecError if it has no model
+    or several, one within another, or a number or frame is wrong."""
     models = [*sdf.findall("model"), *sdf.findall("world/model")]
     moving = [one for one in models if any(j.get("type") in _MOVING for j in one.findall("joint"))]
     if len(moving) != 1:
@@ -189,11 +186,8 @@ class _Model:
 
     def _add_joint(self, joint: ET.Element) -> None:
         name, given, axis = joint.get("name", ""), joint.get("type", ""), joint.find("axis")
-        parent, child, kind = (
-            _text(joint, "parent"),
-            _text(joint, "child"),
-            _MOVING.get(given, "fixed"),
-        )
+        parent, child = _text(joint, "parent"), _text(joint, "child")
+        kind = given if given in _MOVING else "fixed"
         if kind == "fixed" and given != "fixed":
             self.said.append(f"a URDF has no {given} joint: {name!r} is held")
         lower, upper = (self._number(axis, f"limit/{end}", s * math.inf) for end, s in _BOUNDS)

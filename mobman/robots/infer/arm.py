@@ -168,11 +168,8 @@ def reach(tree: Tree, joints: Sequence[Joint], tip: str) -> float:
 
 
 def choose_arm(tree: Tree, branches: Branches, tip: str | None) -> Arm:
-    """The arm that the user names by its tip, or the only one.
-
-    Raises:
-        Undecided: If there is none or several, or the tip is no link or does not move.
-    """
+    """The arm that the user names by its tip, or the only one; Undecided if there is none or several, or
+    the tip is no link or does not move."""
     arms = branches.arms()
     listing = "; ".join(
         f"{arm.tip.value} ({len(arm.joints)} joints, {arm.own} of its own, reach {arm.reach:.2f} m)"

@@ -26,17 +26,8 @@ _AS_ASKED = "as asked for"
 
 
 def find_drive(tree: Tree, wheels: list[Rolling], options: Options, arms: Array) -> Drive:
-    """The platform of a URDF.
-
-    Args:
-        tree: The robot.
-        wheels: All that rolls on the ground.
-        options: Facts that the user gives.
-        arms: The ends of arms and heads with all joints at zero (m), shape (n, 3).
-
-    Raises:
-        Undecided: If it takes an option.
-    """
+    """The platform of a URDF, from all that rolls on the ground, facts that the user gives, and the ends
+    of arms and heads with all joints at zero (m), shape (n, 3); Undecided if it takes an option."""
     if options.right_wheels or options.left_wheels or options.wheels:
         drive = _named(tree, options)
     elif options.platform is not None and options.without_wheels(options.platform):
@@ -253,10 +244,8 @@ def _no_platform(tree: Tree, wheels: list[Rolling]) -> str:
 
 
 def _driven_wheels(wheels: list[Rolling]) -> tuple[list[Rolling], tuple[str, ...]]:
-    """The wheels that drive, and the joint of the turret that they may all be on.
-
-    They do not swivel freely, nor are they the smaller ones of casters.
-    """
+    """The wheels that drive, which neither swivel freely nor are the smaller ones of casters; and the
+    joint of the turret that they may all be on."""
     fixed, carried = [w for w in wheels if w.turning is None], [w for w in wheels if w.swivel]
     turrets: tuple[str, ...] = ()
     swivels, pairs = {w.swivel.name: w.swivel for w in carried if w.swivel}, pairs_of(carried)

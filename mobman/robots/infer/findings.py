@@ -48,14 +48,8 @@ class Options:
     types: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: TYPES, hash=False)
 
     def check(self, called: str = "{}") -> None:
-        """Refuse values of a wrong type, numbers that are not finite, a radius that is not above 0.
-
-        Args:
-            called: How a message calls a fact, ``{}`` being its name.
-
-        Raises:
-            UsageError: If one is there.
-        """
+        """Refuse values of a wrong type, numbers that are not finite, a radius that is not above 0, by a
+        UsageError; ``called`` is how it calls a fact, ``{}`` being its name."""
         for name in ("tip", "platform"):
             if not isinstance(value := getattr(self, name), str | None):
                 raise UsageError(f"{called.format(name)} is {value!r}; allowed: a name")

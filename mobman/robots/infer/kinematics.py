@@ -144,10 +144,8 @@ class Tree:
         return Joint(name, kind, parent, child, lower, upper, follows, self.position[child], axis)
 
     def _virtual(self) -> list[Joint]:
-        """The planar joints (x, y, turning) between the root and the platform's first real link.
-
-        They follow each other, nothing branches off, and the links between them are bare.
-        """
+        """The planar joints (x, y, turning) between the root and the platform's first real link, which
+        follow each other, with bare links between and nothing that branches off."""
         found: list[Joint] = []
         link = self.root
         while len(following := self.next_joints(link)) == 1:
@@ -330,10 +328,8 @@ def _held_at(tree: Tree, joint: Joint, rest: Mapping[str, float], seen: frozense
 
 
 def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:
-    """Messages about the motion that is lost since mimic joints on the way to a tip are held.
-
-    The ignored ones are not held.
-    """
+    """Messages about the motion that is lost since mimic joints on the way to a tip are held, but for
+    the ignored ones."""
     groups: dict[str, list[tuple[Joint, float]]] = {}
     for joint in tree.chain(tip):
         if (follows := joint.follows) is not None and joint.name not in ignored:

@@ -89,10 +89,7 @@ class Rolling:
 
 def rolling_wheels(tree: Tree) -> tuple[list[Rolling], list[Rolling]]:
     """All wheels on the ground, in the file's order: driven ones, steered ones and casters; and those
-    that are high above it.
-
-    A mimic joint is a wheel if the joint that it follows is one.
-    """
+    that are high above it. A mimic joint is a wheel if the joint that it follows is one."""
     found: dict[str, Rolling] = {}
     for joint in tree.movable:
         above = tree.chain(joint.parent)
@@ -114,10 +111,8 @@ def rolling_wheels(tree: Tree) -> tuple[list[Rolling], list[Rolling]]:
 
 
 def pairs_of(wheels: Sequence[Rolling]) -> list[tuple[Rolling, Rolling]]:
-    """Wheels on one axle, two and two: (one, the other towards the axis), in the file's order.
-
-    Several wheels on one axle give their outermost pair.
-    """
+    """Wheels on one axle, two and two: (one, the other towards the axis), in the file's order; of
+    several on one axle the outermost pair."""
     pairs: list[tuple[Rolling, Rolling]] = []
     rest = list(wheels)
     while rest:
@@ -164,10 +159,8 @@ def _suspends(joint: Joint) -> bool:
 
 
 def _beside(tyre: Shape, joint: Joint) -> float:
-    """Distance of a tyre's middle from its joint along the axis (m).
-
-    A mesh has hubs and covers: its middle counts only where the joint lies beside all of it.
-    """
+    """Distance of a tyre's middle from its joint along the axis (m); of a mesh, which has hubs and
+    covers, only where the joint lies beside all of it."""
     at = float(joint.centre @ joint.axis)
     low, high = -tyre.reach(-joint.axis) - at, tyre.reach(joint.axis) - at
     return 0.5 * (low + high) if tyre.kind != "mesh" or max(low, -high) > _LEAST else 0.0
@@ -177,10 +170,8 @@ def _radius(
     tree: Tree, joint: Joint, use: Use, turning: Sequence[str], rollers: bool
 ) -> tuple[Inferred | None, Shape | None]:
     """The radius that the collision or the visual geometry behind a joint has about its axis, and the
-    shape that has it (None: several together).
-
-    None if there is none, or if some of its meshes are missing: what is left may be the hub only.
-    """
+    shape that has it (None: several together); None if there is none, or if some of its meshes are
+    missing: what is left may be the hub only."""
     shapes, about = tree.shapes(*turning, use=use), (joint.centre, joint.axis)
     complete = all(shape.known for _, shape in shapes)
     found: list[tuple[Inferred, Shape | None]] = [
@@ -319,10 +310,8 @@ def what_to_name(tree: Tree) -> str:
 
 
 def _faults(tree: Tree, one: Joint, other: Joint) -> tuple[list[str], bool] | None:
-    """Reasons why two joints are no pair of driven wheels, and whether they can be named as one.
-
-    None if they are not side by side at all.
-    """
+    """Reasons why two joints are no pair of driven wheels, and whether they can be named as one; None if
+    they are not side by side at all."""
     both, apart = (one, other), other.centre - one.centre
     x, y = one.axis[:2] / np.linalg.norm(one.axis[:2])
     track, ahead = abs(float(apart[:2] @ [x, y])), abs(float(apart[:2] @ [y, -x]))

@@ -136,11 +136,8 @@ def _has_look(material: ET.Element) -> bool:
 
 
 def turn_up(robot: ET.Element, axis: str, where: str) -> None:
-    """Put a link in front of the root link whose z axis is one of the root's: what is up.
-
-    Raises:
-        SpecError: If it has not exactly one root link.
-    """
+    """Put a link in front of the root link whose z axis is one of the root's, which points up; SpecError
+    if it has not exactly one root link."""
     if axis in _UPRIGHT:
         root, upright = root_link(robot, where), f"{_OWN}upright"
         ET.SubElement(robot, "link", name=upright)
@@ -150,19 +147,14 @@ def turn_up(robot: ET.Element, axis: str, where: str) -> None:
 class Mounted(NamedTuple):
     """A URDF and how it is mounted."""
 
-    robot: ET.Element
-    """Its ``<robot>`` element; it is changed by :func:`compose`."""
+    robot: ET.Element  # its ``<robot>`` element; it is changed by :func:`compose`
     mount: Mount
-    where: str
-    """The description and the field, for messages."""
+    where: str  # the description and the field, for messages
 
 
 def compose(platform: ET.Element, mounted: Sequence[Mounted]) -> ET.Element:
-    """One tree: a platform's ``<robot>`` element, to which what is mounted is added, in this order.
-
-    Raises:
-        SpecError: If a parent link is not there, or two links or joints have one name.
-    """
+    """One tree: a platform's ``<robot>`` element, to which what is mounted is added, in this order;
+    SpecError if a parent link is not there, or two links or joints have one name."""
     for robot, mount, where in mounted:
         for path, attribute in _NAMES.items():
             for element in robot.findall(path):
@@ -253,11 +245,7 @@ def frame_of(model: pin.Model, link: str) -> int:
 
 
 def root_link(robot: ET.Element, where: str) -> str:
-    """The name of the link that is no joint's child.
-
-    Raises:
-        SpecError: If there is none, or there are several.
-    """
+    """The name of the link that is no joint's child; SpecError if there is none, or several."""
     children = {child.get("link") for child in robot.findall("joint/child")}
     names = [link.get("name", "") for link in robot.findall("link")]
     roots = [name for name in names if name not in children]

@@ -64,12 +64,8 @@ def mesh_paths(robot: ET.Element, urdf: UrdfFile) -> list[MeshReference]:
 
 
 def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
-    """Replace the file names of a URDF's meshes by absolute paths.
-
-    Raises:
-        SpecError: If meshes are missing, outside the package that they are named by, or of a format
-            that is not read; the message says which, where they were looked for, and what to do.
-    """
+    """Replace the file names of a URDF's meshes by absolute paths; SpecError if some are missing,
+    outside the package that they are named by, or of a format that is not read."""
     finder = MeshFinder(urdf)
     located = list(_located(robot, finder))
     by_name: dict[str, MeshReference] = {}  # the first of each
@@ -88,10 +84,8 @@ def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
 
 
 def with_absolute_meshes(urdf: UrdfFile) -> bytes:
-    """A URDF's text, in UTF-8, with the file names of the meshes that are found as absolute paths.
-
-    All else is as it was, comments included, so that the copy says what the original did wherever it is.
-    """
+    """A URDF's text, in UTF-8, with the file names of the meshes that are found as absolute paths; all
+    else is as it was, comments included."""
     paths = {mesh.filename: mesh.path for mesh in mesh_paths(urdf.parse(), urdf)}
 
     def replaced(match: re.Match[str]) -> str:
@@ -183,10 +177,8 @@ def _leads_out(inner: str) -> bool:
 
 
 def _first(candidates: Sequence[Path]) -> Path | None:
-    """The first that is there, as it is written or with its %20 and the like decoded.
-
-    A link keeps its own name, since that has the format.
-    """
+    """The first that is there, as it is written or with its %20 and the like decoded; a link keeps its
+    own name, since that has the format."""
     for candidate in candidates:
         for path in (candidate, Path(unquote(str(candidate)))):
             if _is_there(path):
@@ -258,16 +250,8 @@ class MeshError(MobmanError):
 
 
 def read_isolated(function: str, path: Path, *arguments: Any) -> Any:
-    """The answer of a function that reads a mesh, in a process that a damaged file may crash.
-
-    Args:
-        function: ``"module:name"``; it is called with the path and the other arguments.
-        path: The file.
-        arguments: What JSON holds.
-
-    Raises:
-        MeshError: If it cannot be read.
-    """
+    """The answer of a function ``"module:name"`` of a mesh's path and further arguments, in a process
+    that a damaged file may crash; MeshError if it cannot be read."""
     try:
         megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
         memory, fault = _MEGABYTES + _MEGABYTES_PER_MB * megabytes, ""
@@ -285,11 +269,8 @@ def read_isolated(function: str, path: Path, *arguments: Any) -> Any:
 
 
 def read_triangles(path: Path) -> tuple[Array, Index]:
-    """The vertices of a mesh in its own unit, shape (n, 3), and the corners of its triangles, (m, 3).
-
-    Raises:
-        MeshError: If it cannot be read.
-    """
+    """The vertices of a mesh in its own unit, shape (n, 3), and the corners of its triangles, (m, 3);
+    MeshError if it cannot be read."""
     vertices, faces = read_isolated(f"{__name__}:load", path)
     return vertices, faces
 
@@ -306,11 +287,8 @@ def load(path: str) -> tuple[Array, Index]:
 
 
 def _check_references(path: Path) -> None:
-    """
-    Raises:
-        MobmanError: If a glTF takes its numbers from a file outside its folder.
-        ValueError: If a key of its JSON is there twice: readers take the first or the last.
-    """
+    """Refuse a glTF with numbers from a file outside its folder (MobmanError), or with a key of its JSON
+    twice (ValueError): readers take the first or the last."""
     if path.suffix.lower() not in (".gltf", ".glb"):
         return
 
@@ -331,14 +309,10 @@ def _check_references(path: Path) -> None:
 
 
 class MeshReader:
-    """Reads mesh files, each of them once.
-
-    Attributes:
-        unreadable: Why a mesh could not be read, by its path; filled as meshes are read.
-    """
+    """Reads mesh files, each of them once."""
 
     def __init__(self) -> None:
-        self.unreadable: dict[Path, str] = {}
+        self.unreadable: dict[Path, str] = {}  # why a mesh could not be read, by its path
         self._vertices: dict[Path, Array] = {}
 
     def vertices(self, path: Path) -> Array | None:

@@ -169,13 +169,8 @@ def urdf_sources(spec: RobotSpec) -> UrdfSources:
 
 
 def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
-    """The file that a part of a description points at; a SpecError if it does not exist.
-
-    Args:
-        source: The part.
-        folder: What relative paths start from.
-        field: The part in messages, without the closing quote: ``"robot 'tiago': field 'urdf"``.
-    """
+    """The file that a part of a description points at, by a path that starts from a folder; SpecError if
+    there is none. Messages call the part by ``field``, such as ``"robot 'tiago': field 'urdf"``."""
     packages = [_resolved(folder / name, f"{field}.packages'") for name in source.packages]
     for package in packages:
         if not package.is_dir():
@@ -236,11 +231,8 @@ def _share_folder(field: str, package: str) -> Path:
 
 
 def macros(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
-    """Elements and expressions of the language of xacro, which most URDFs are written in.
-
-    A mere call of a macro that nobody defines is none: older versions of xacro leave such calls in what
-    they make.
-    """
+    """Elements and expressions of the language of xacro, which most URDFs are written in. A mere call of
+    a macro that nobody defines is none: older versions of xacro leave such calls in what they make."""
     language = {prefix + name for prefix in _prefixes(robot) for name in _XACRO}
     for element in (e for part in robot if part.tag not in _ELSEWHERE for e in part.iter()):
         if element.tag in language:
@@ -258,15 +250,8 @@ def _prefixes(robot: ET.Element) -> list[str]:
 
 
 def parse_xml(content: bytes, where: str) -> tuple[ET.Element, dict[ET.Element, int]]:
-    """The root element of an XML file, and the line on which each element starts, from 1.
-
-    Args:
-        content: The file's content.
-        where: What to call the file in messages.
-
-    Raises:
-        SpecError: If it is not XML, declares a document type, or is nested without end.
-    """
+    """The root element of an XML file, which messages call ``where``, and the line on which each element
+    starts, from 1; SpecError if it is not XML, declares a document type, or is nested without end."""
     text = text_of(content, where)
     start = text.lstrip("\ufeff \t\r\n")
     if not start.startswith("<"):

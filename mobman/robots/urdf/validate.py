@@ -104,11 +104,8 @@ def number(text: str) -> float | None:
 
 
 def limit_of(attribute: str, text: str) -> float | None:
-    """The number of an attribute of ``<limit>``, infinite where there is no limit; None if it is none.
-
-    Infinite are a lower limit of -inf, an upper limit, an effort and a velocity of inf, and an effort
-    and a velocity of -1.
-    """
+    """The number of an attribute of ``<limit>``, None if it is none; infinite where there is no limit:
+    at a lower limit of -inf, an upper limit, effort or velocity of inf, an effort or velocity of -1."""
     infinite = _INFINITE.fullmatch(text.strip())
     if infinite is not None:
         below = infinite[1] == "-"
@@ -118,10 +115,8 @@ def limit_of(attribute: str, text: str) -> float | None:
 
 
 def shape_of(use: ET.Element) -> ET.Element | None:
-    """The shape of a ``<visual>`` or ``<collision>`` element.
-
-    None if it has none, or one that URDFs do not know, such as ``<capsule>``.
-    """
+    """The shape of a ``<visual>`` or ``<collision>`` element; None if it has none, or one that URDFs do
+    not know, such as ``<capsule>``."""
     geometry = use.find("geometry")
     shape = None if geometry is None else next(iter(geometry), None)
     return shape if shape is not None and shape.tag in SHAPES else None
@@ -162,10 +157,7 @@ class Validation:
         self._joints: dict[str, ET.Element] = {}
 
     def raise_any(self) -> None:
-        """
-        Raises:
-            SpecError: If there are problems, with the first few of them in the file's order.
-        """
+        """Raise a SpecError if there are problems, with the first few of them in the file's order."""
         in_order = sorted(self.found, key=lambda problem: problem[0])
         found = [f"line {line}: {text}" for line, text in in_order]
         if len(found) == 1:
@@ -201,10 +193,8 @@ class Validation:
         self.found.append((self._lines[element], text))
 
     def _near(self, name: str, names: Collection[str], otherwise: str = "") -> str:
-        """The names that one may have been meant for, as the end of a message.
-
-        Of many problems only the first few are reported, and looking takes its time.
-        """
+        """The names that one may have been meant for, as the end of a message; looking takes its time,
+        and of many problems only the first few are reported."""
         if len(self.found) >= 2 * _TOLD or len(names) > _LOOKED_THROUGH:
             return otherwise
         found = difflib.get_close_matches(name, sorted(names), n=3, cutoff=0.6)
