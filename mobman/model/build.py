@@ -169,14 +169,11 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
 class Assembly(NamedTuple):
     """The parts of a robot, mounted on each other."""
 
-    robot: ET.Element
-    """The ``<robot>`` element of all parts together."""
-    locked: set[str]
-    """Names of the joints that do not move."""
+    robot: ET.Element  # the <robot> element of all parts together
+    locked: set[str]  # names of the joints that do not move
     rest: dict[str, float]
     """[rest], and where joints are held that follow one that does not move (m, rad)."""
-    following: tuple[Follower, ...]
-    """Joints that follow one that moves."""
+    following: tuple[Follower, ...]  # joints that follow one that moves
 
 
 def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -> Assembly:

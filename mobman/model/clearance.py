@@ -33,8 +33,7 @@ class Clearance(Term):
 
     obstacles: list[Obstacle] = Field(min_length=1)
     """Standing in the world: half-spaces, spheres, boxes, upright cylinders."""
-    margin: float = Field(0.2, gt=0)
-    """b (m)."""
+    margin: float = Field(0.2, gt=0)  # b (m)
 
     def on(self, robot: MobileManipulator) -> Criterion:
         """The term for a robot.

@@ -46,8 +46,7 @@ class Criterion(Protocol):
 class Term(Strict):
     """Base of what may be added to the posture criterion: its fields are its parameters."""
 
-    weight: float = Field(gt=0)
-    """Factor; a term says what has this for its unit."""
+    weight: float = Field(gt=0)  # factor; a term says what has this for its unit
 
     def on(self, robot: MobileManipulator) -> Criterion:
         """The term for a robot.

@@ -21,8 +21,7 @@ class JointLimitAvoidance(Term):
     as of a posture weight; beyond it goes on to rise.
     """
 
-    zone: float = Field(0.15, gt=0, le=0.5)
-    """Width of each zone, as a share of the joint's range."""
+    zone: float = Field(0.15, gt=0, le=0.5)  # width of each zone, as a share of the joint's range
 
     def on(self, robot: MobileManipulator) -> Criterion:
         """The term for a robot.

@@ -14,12 +14,9 @@ from mobman.arrays import Array
 class TreePose(NamedTuple):
     """A chain at one q, in the frame in which its first joint is placed."""
 
-    axes: Array
-    """Axes of rotation, 0 of joints that slide, shape (joints, 3)."""
-    slides: Array
-    """Directions of sliding, 0 of joints that turn, shape (joints, 3)."""
-    frames: Array
-    """Poses of the joints' frames, shape (joints, 4, 4)."""
+    axes: Array  # axes of rotation, 0 of joints that slide, shape (joints, 3)
+    slides: Array  # directions of sliding, 0 of joints that turn, shape (joints, 3)
+    frames: Array  # poses of the joints' frames, shape (joints, 4, 4)
 
     def jacobian(self, points: Array) -> Array:
         """dp/dq of points that all joints move, shape (points, joints, 3)."""

@@ -26,66 +26,46 @@ _NO_BOUND = 1e8  # joints without limits have some 1e9 in the model
 class Dynamics(NamedTuple):
     """The reduced dynamics M z' + bias + D = B v of (17) at one (q, z)."""
 
-    M: Array
-    """Inertia, shape (nz, nz), symmetric positive definite."""
-    bias: Array
-    """Pz + G: Coriolis, centrifugal and gravity terms, shape (nz,)."""
-    B: Array
-    """Actuation, shape (nz, nz)."""
+    M: Array  # inertia, shape (nz, nz), symmetric positive definite
+    bias: Array  # Pz + G: Coriolis, centrifugal and gravity terms, shape (nz,)
+    B: Array  # actuation, shape (nz, nz)
 
 
 class Velocity(NamedTuple):
     """Motion of the coordinates at one (q, z), (9): q' = C z, q'' = C z' + C' z."""
 
-    C: Array
-    """Shape (nq, nz)."""
-    q_dot: Array
-    """C z, shape (nq,)."""
-    C_dot_z: Array
-    """C' z, shape (nq,)."""
+    C: Array  # shape (nq, nz)
+    q_dot: Array  # C z, shape (nq,)
+    C_dot_z: Array  # C' z, shape (nq,)
 
 
 class TipKinematics(NamedTuple):
     """Position and motion of the tip at one (q, z); linear rows first, world axes."""
 
-    position: Array
-    """Origin of the tip frame (m), shape (3,)."""
-    jacobian: Array
-    """dp/dq and d(angular velocity)/dq', shape (6, nq)."""
-    jacobian_rate: Array
-    """d/dt of ``jacobian`` along q', shape (6, nq)."""
-    rotation: Array
-    """Orientation of the tip frame, shape (3, 3)."""
-    omega: Array
-    """Angular velocity (rad/s), shape (3,)."""
+    position: Array  # origin of the tip frame (m), shape (3,)
+    jacobian: Array  # dp/dq and d(angular velocity)/dq', shape (6, nq)
+    jacobian_rate: Array  # d/dt of jacobian along q', shape (6, nq)
+    rotation: Array  # orientation of the tip frame, shape (3, 3)
+    omega: Array  # angular velocity (rad/s), shape (3,)
 
 
 class Follower(NamedTuple):
     """A joint without a motor that follows another one of the arm: ``<mimic>`` in a URDF."""
 
-    joint: str
-    """Its name."""
-    of: str
-    """The joint that it follows, which has a motor."""
-    ratio: float
-    """Its rate over that joint's."""
-    offset: float
-    """Its position where that joint is at 0 (m, rad)."""
+    joint: str  # its name
+    of: str  # the joint that it follows, which has a motor
+    ratio: float  # its rate over that joint's
+    offset: float  # its position where that joint is at 0 (m, rad)
 
 
 class Limits(NamedTuple):
     """Bounds; inf where a URDF states none (0 or a very large number, by convention)."""
 
-    lower: Array
-    """Least q (m, rad), shape (nq,)."""
-    upper: Array
-    """Largest q (m, rad), shape (nq,)."""
-    velocity: Array
-    """Largest entry of |z|, each alone (m/s, rad/s), shape (nz,)."""
-    torque: Array
-    """Largest entry of |v|, each alone (N, N m), shape (nz,)."""
-    joint_velocity: Array
-    """Largest |q'| (m/s, rad/s), shape (nq,); inf for the platform's pose."""
+    lower: Array  # least q (m, rad), shape (nq,)
+    upper: Array  # largest q (m, rad), shape (nq,)
+    velocity: Array  # largest entry of |z|, each alone (m/s, rad/s), shape (nz,)
+    torque: Array  # largest entry of |v|, each alone (N, N m), shape (nz,)
+    joint_velocity: Array  # largest |q'| (m/s, rad/s), shape (nq,); inf for the platform's pose
 
 
 @dataclass(frozen=True)

@@ -17,22 +17,17 @@ Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 class Distance(NamedTuple):
     """Distance of points to an obstacle; points may be complex, and these then are."""
 
-    value: Array
-    """d (m), 0 or less inside, shape (points,)."""
-    gradient: Array
-    """dd/dp, shape (points, 3)."""
-    hessian: Array
-    """d2d/dp2, shape (points, 3, 3)."""
+    value: Array  # d (m), 0 or less inside, shape (points,)
+    gradient: Array  # dd/dp, shape (points, 3)
+    hessian: Array  # d2d/dp2, shape (points, 3, 3)
 
 
 class HalfSpace(Strict):
     """Everything behind a plane: a wall, a floor, a ceiling."""
 
     type: Literal["half-space"]
-    point: Coordinates
-    """A point of the plane (m), in the world."""
-    normal: Coordinates
-    """Direction out of it, of any length above 0."""
+    point: Coordinates  # a point of the plane (m), in the world
+    normal: Coordinates  # direction out of it, of any length above 0
 
     @field_validator("normal")
     @classmethod
@@ -53,10 +48,8 @@ class Ball(Strict):
     """A ball."""
 
     type: Literal["sphere"]
-    centre: Coordinates
-    """In the world (m)."""
-    radius: Length
-    """m."""
+    centre: Coordinates  # in the world (m)
+    radius: Length  # m
 
     def distance(self, points: Array) -> Distance:
         """Distance of points, shape (points, 3)."""
@@ -68,12 +61,9 @@ class Pillar(Strict):
     """A cylinder with a vertical axis."""
 
     type: Literal["cylinder"]
-    centre: Coordinates
-    """In the world (m)."""
-    radius: Length
-    """m."""
-    height: Length
-    """m."""
+    centre: Coordinates  # in the world (m)
+    radius: Length  # m
+    height: Length  # m
 
     def distance(self, points: Array) -> Distance:
         """Distance of points, shape (points, 3); see :func:`_beyond`."""
@@ -94,12 +84,9 @@ class Cuboid(Strict):
     """A box with horizontal and vertical faces."""
 
     type: Literal["box"]
-    centre: Coordinates
-    """In the world (m)."""
-    size: tuple[Length, Length, Length]
-    """Lengths of its edges (m)."""
-    yaw: float = 0.0
-    """Angle about the vertical (rad)."""
+    centre: Coordinates  # in the world (m)
+    size: tuple[Length, Length, Length]  # lengths of its edges (m)
+    yaw: float = 0.0  # angle about the vertical (rad)
 
     def distance(self, points: Array) -> Distance:
         """Distance of points, shape (points, 3); see :func:`_beyond`."""

@@ -47,26 +47,18 @@ _FAR = 3.6  # |e_o|^2 beyond which the opposite side is that of half a turn
 class Turn(NamedTuple):
     """Orientation of the tip against the desired one, and work space."""
 
-    R: Matrix
-    """Orientation of the tip frame, shape (3, 3)."""
-    tip: Vector
-    """The same as a unit quaternion (w, x, y, z), for a pose, shape (4,)."""
+    R: Matrix  # orientation of the tip frame, shape (3, 3)
+    tip: Vector  # the same as a unit quaternion (w, x, y, z), for a pose, shape (4,)
     omega: Matrix
     """Angular velocity, then work space; of a pointing task a and d, too: shape (8, 3)."""
-    tip_axis: Vector
-    """The axis that points, in the tip frame, shape (3,)."""
+    tip_axis: Vector  # the axis that points, in the tip frame, shape (3,)
     V: Matrix
     """Axes of the task map's orientation rows: world axes, or the tip's across ``tip_axis``; (r, 3)."""
-    Q: Vector
-    """(eta, eps) of a pose, shape (4,); 0 before the first tick."""
-    across: Matrix
-    """b_1 and b_2 of a pointing task, shape (2, 3); 0 before the first tick."""
-    e: Vector
-    """e_o, shape (r,)."""
-    T: Matrix
-    """Shape (r, 3)."""
-    T_rate: Matrix
-    """Shape (r, 3)."""
+    Q: Vector  # (eta, eps) of a pose, shape (4,); 0 before the first tick
+    across: Matrix  # b_1 and b_2 of a pointing task, shape (2, 3); 0 before the first tick
+    e: Vector  # e_o, shape (r,)
+    T: Matrix  # shape (r, 3)
+    T_rate: Matrix  # shape (r, 3)
     omega_d: Matrix
     """omega_d, its rate, and what stands for the second one in the place of p_d''', shape (3, 3)."""
 

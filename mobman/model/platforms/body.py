@@ -23,12 +23,10 @@ _GREY, _DARK = "0.55 0.58 0.62 1", "0.15 0.15 0.16 1"
 class Body(Strict):
     """The fields of ``[platform.body]``; a type may add its own."""
 
-    mass: float = Field(gt=0)
-    """Mass of everything but the wheels (kg)."""
+    mass: float = Field(gt=0)  # mass of everything but the wheels (kg)
     size: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
     """Length, width and height of the body, a box (m)."""
-    ground_clearance: float = Field(0.0, ge=0)
-    """Height of the box's underside (m)."""
+    ground_clearance: float = Field(0.0, ge=0)  # height of the box's underside (m)
     centre: tuple[float, float] = (0.0, 0.0)
     """Place of the box's centre, ahead and to the left of ``platform`` (m)."""
     centre_of_mass: tuple[float, float, float] | None = None
@@ -41,14 +39,10 @@ class Body(Strict):
 class WheeledBody(Body):
     """The same with wheels, all alike."""
 
-    wheel_mass: float = Field(gt=0)
-    """Mass of one wheel (kg); a homogeneous cylinder."""
-    wheel_width: float = Field(gt=0)
-    """m."""
-    wheel_velocity: float = Field(0.0, ge=0)
-    """Largest rate of a wheel (rad/s); 0: not known."""
-    wheel_effort: float = Field(0.0, ge=0)
-    """Largest torque on a wheel (N m); 0: not known."""
+    wheel_mass: float = Field(gt=0)  # mass of one wheel (kg); a homogeneous cylinder
+    wheel_width: float = Field(gt=0)  # m
+    wheel_velocity: float = Field(0.0, ge=0)  # largest rate of a wheel (rad/s); 0: not known
+    wheel_effort: float = Field(0.0, ge=0)  # largest torque on a wheel (N m); 0: not known
 
 
 T = TypeVar("T")
@@ -57,31 +51,21 @@ T = TypeVar("T")
 class WheelPart(NamedTuple):
     """A wheel to be put into the URDF."""
 
-    joint: str
-    """Name of its joint; its link is called ``<joint>_link``."""
-    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Its centre in the parent's frame (m)."""
-    yaw: float = 0.0
-    """Direction of its axis, about z from the parent's y axis (rad)."""
-    parent: str = BASE_LINK
-    """Link that carries it."""
+    joint: str  # name of its joint; its link is called <joint>_link
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)  # its centre in the parent's frame (m)
+    yaw: float = 0.0  # direction of its axis, about z from the parent's y axis (rad)
+    parent: str = BASE_LINK  # link that carries it
 
 
 class Knuckle(NamedTuple):
     """A steering joint about the vertical."""
 
-    joint: str
-    """Name of its joint; its link is called ``<joint>_link``."""
-    xyz: tuple[float, float, float]
-    """Its position from ``platform`` (m)."""
-    mass: float
-    """kg."""
-    limit: float = math.inf
-    """Largest angle (rad); infinite: it turns without end."""
-    velocity: float = 0.0
-    """Largest rate (rad/s); 0: not known."""
-    effort: float = 0.0
-    """Largest torque (N m); 0: not known."""
+    joint: str  # name of its joint; its link is called <joint>_link
+    xyz: tuple[float, float, float]  # its position from platform (m)
+    mass: float  # kg
+    limit: float = math.inf  # largest angle (rad); infinite: it turns without end
+    velocity: float = 0.0  # largest rate (rad/s); 0: not known
+    effort: float = 0.0  # largest torque (N m); 0: not known
 
 
 def required(origin: str, field: str, value: T | None, why: str = "") -> T:

@@ -45,21 +45,16 @@ _FRONT = ("wheel_front_right", "wheel_front_left")
 class CarBody(WheeledBody):
     """The fields of ``[platform.body]`` for a car: four wheels, the front ones on knuckles."""
 
-    steering_limit: float = Field(gt=0, lt=0.5 * math.pi)
-    """Largest steering angle (rad)."""
-    steering_velocity: float = Field(0.0, ge=0)
-    """Largest steering rate (rad/s); 0: not known."""
-    knuckle_mass: float = Field(gt=0)
-    """Mass of one knuckle (kg)."""
+    steering_limit: float = Field(gt=0, lt=0.5 * math.pi)  # largest steering angle (rad)
+    steering_velocity: float = Field(0.0, ge=0)  # largest steering rate (rad/s); 0: not known
+    knuckle_mass: float = Field(gt=0)  # mass of one knuckle (kg)
 
 
 class CarLikeParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "car-like"``."""
 
-    rear_right_wheel: str | None = None
-    """URDF joint of the driven wheel on the right."""
-    rear_left_wheel: str | None = None
-    """URDF joint of the driven wheel on the left."""
+    rear_right_wheel: str | None = None  # URDF joint of the driven wheel on the right
+    rear_left_wheel: str | None = None  # URDF joint of the driven wheel on the left
     steering: list[str] = Field([], max_length=2)
     """URDF joint of the steering, or those of two knuckles, which turn by the same angle."""
     front_wheels: list[str] = []

@@ -47,8 +47,7 @@ class CustomParameters(Strict):
 
     definition: str = Field(pattern=r"^.+:[A-Za-z_][A-Za-z0-9_]*$")
     """The class: ``"file.py:Class"``, relative to the TOML, or ``"package.module:Class"``."""
-    options: dict[str, Any] = {}
-    """Arguments that it is called with, by name."""
+    options: dict[str, Any] = {}  # arguments that it is called with, by name
 
 
 @runtime_checkable
@@ -66,8 +65,7 @@ class PlatformDefinition(Protocol):
 
     coordinates: Sequence[str]
     """Joint names of x: ``base_x``, ``base_y``, ``base_theta`` first, then joints of the URDF."""
-    velocity_names: Sequence[str]
-    """Names of alpha."""
+    velocity_names: Sequence[str]  # names of alpha
 
     def constraint_matrix(self, x: Array) -> Array:
         """A(x), shape (k, l); smooth."""

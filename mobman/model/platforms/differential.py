@@ -27,10 +27,8 @@ class _TrackFields(WheeledFields):
 class DifferentialParameters(_TrackFields):
     """The fields of ``[platform]`` for ``type = "differential"``."""
 
-    right_wheel: str | None = None
-    """URDF joint of the driven wheel on the right (phi_1)."""
-    left_wheel: str | None = None
-    """URDF joint of the driven wheel on the left (phi_2)."""
+    right_wheel: str | None = None  # URDF joint of the driven wheel on the right (phi_1)
+    left_wheel: str | None = None  # URDF joint of the driven wheel on the left (phi_2)
     alpha: Literal["wheel-rates", "paper"] = "wheel-rates"
     """Quasi-velocities: the wheels' rates (7), or those of (5) with phi' = (2/R) alpha."""
     body: WheeledBody | None = None
@@ -116,8 +114,7 @@ class Differential(TwoSided):
 class SkidSteerBody(WheeledBody):
     """The fields of ``[platform.body]`` for skid-steering: four wheels."""
 
-    wheelbase: float = Field(gt=0)
-    """Distance of the front and the rear axle (m)."""
+    wheelbase: float = Field(gt=0)  # distance of the front and the rear axle (m)
 
 
 class SkidSteerParameters(_TrackFields):
@@ -125,8 +122,7 @@ class SkidSteerParameters(_TrackFields):
 
     right_wheels: list[str] = []
     """URDF joints of the wheels on the right, the one that stands for all of them first."""
-    left_wheels: list[str] = []
-    """The same on the left."""
+    left_wheels: list[str] = []  # the same on the left
     track_factor: float = Field(1.0, ge=1)
     """The effective track is so many times the geometric one: it turns as slowly as a differential
     platform of that track. Identified on the ground that is driven on; 1 is no slip of the side."""

@@ -37,36 +37,26 @@ _SIDES = {"right": -1.0, "left": 1.0}
 class MultiAxleBody(WheeledBody):
     """The fields of ``[platform.body]``: axles with a right and a left wheel each."""
 
-    axles: list[float] = Field(min_length=2)
-    """Their places ahead of ``platform`` (m)."""
-    steered: list[int] = Field(min_length=1)
-    """Numbers of those that are steered, from 1."""
-    half_track: float = Field(gt=0)
-    """m."""
-    steering_limit: float = Field(gt=0)
-    """Largest angle of a knuckle (rad)."""
-    steering_velocity: float = Field(0.0, ge=0)
-    """Largest steering rate (rad/s); 0: not known."""
-    steering_effort: float = Field(0.0, ge=0)
-    """Largest steering torque (N m); 0: not known."""
-    knuckle_mass: float = Field(gt=0)
-    """Mass of what a steering joint turns, without the wheel (kg)."""
+    axles: list[float] = Field(min_length=2)  # their places ahead of platform (m)
+    steered: list[int] = Field(min_length=1)  # numbers of those that are steered, from 1
+    half_track: float = Field(gt=0)  # m
+    steering_limit: float = Field(gt=0)  # largest angle of a knuckle (rad)
+    steering_velocity: float = Field(0.0, ge=0)  # largest steering rate (rad/s); 0: not known
+    steering_effort: float = Field(0.0, ge=0)  # largest steering torque (N m); 0: not known
+    knuckle_mass: float = Field(gt=0)  # mass of what a steering joint turns, without the wheel (kg)
 
 
 class MultiAxleParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "multi-axle"``."""
 
-    steering: list[str] = []
-    """URDF joints that steer."""
+    steering: list[str] = []  # URDF joints that steer
     wheels: list[str] = []
     """URDF joints of all wheels that roll: behind those, and of the axle that is fixed."""
-    driven: list[str] = []
-    """Those with a motor; by default all."""
+    driven: list[str] = []  # those with a motor; by default all
     axle: float | None = None
     """Place of the line on which the centre of rotation stays, ahead of the root link (m): by default
     that of the wheels that are fixed."""
-    body: MultiAxleBody | None = None
-    """The platform by its numbers instead of by a URDF."""
+    body: MultiAxleBody | None = None  # the platform by its numbers instead of by a URDF
 
 
 @platforms.register("multi-axle")

@@ -31,8 +31,7 @@ class OmnidirectionalBody(WheeledBody):
     """Mecanum: distance of the front and the rear axle (m)."""
     half_track: float | None = Field(None, gt=0)
     """Mecanum: half the distance of the right and the left wheels (m)."""
-    circle: float | None = Field(None, gt=0)
-    """Omni: distance of the wheels from the centre (m)."""
+    circle: float | None = Field(None, gt=0)  # omni: distance of the wheels from the centre (m)
     angles: list[float] = []
     """Omni: where on the circle they are, from forward, anticlockwise (rad)."""
 
@@ -40,16 +39,13 @@ class OmnidirectionalBody(WheeledBody):
 class OmnidirectionalParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "omnidirectional"``."""
 
-    kind: Literal["mecanum", "omni"]
-    """Rollers at 45 degrees to the wheel's axis, or across it."""
-    wheels: list[str] = []
-    """URDF joints of the wheels, three or more."""
+    kind: Literal["mecanum", "omni"]  # rollers at 45 degrees to the wheel's axis, or across it
+    wheels: list[str] = []  # URDF joints of the wheels, three or more
     roller_angles: list[float] | None = None
     """For each wheel, the axis of the roller that touches the ground, seen from above and from the
     wheel's forward direction, anticlockwise (rad). By default 0 for omni wheels; for mecanum wheels
     -pi/4 front left and rear right, pi/4 front right and rear left."""
-    body: OmnidirectionalBody | None = None
-    """The platform by its numbers instead of by a URDF."""
+    body: OmnidirectionalBody | None = None  # the platform by its numbers instead of by a URDF
 
 
 @platforms.register("omnidirectional")

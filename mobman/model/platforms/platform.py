@@ -33,17 +33,14 @@ class Fields(Strict):
 class WheeledFields(Fields):
     """The same with wheels, all alike."""
 
-    wheel_radius: float = Field(gt=0)
-    """R (m)."""
+    wheel_radius: float = Field(gt=0)  # R (m)
 
 
 class Wheel(NamedTuple):
     """A wheel that rolls on the ground."""
 
-    joint: str
-    """Its joint, one of the platform's coordinates."""
-    radius: float
-    """m."""
+    joint: str  # its joint, one of the platform's coordinates
+    radius: float  # m
     roller: float | None = None
     """With rollers: the angle from where a positive rate rolls it to the axis of the roller that touches
     the ground, seen from above, anticlockwise (rad)."""
@@ -53,23 +50,18 @@ class Gear(NamedTuple):
     """Two of a platform's joints that gears, a belt or a rod couple."""
 
     joint: str
-    of: str
-    """The joint that it turns with."""
-    ratio: float
-    """Its rate over that joint's."""
+    of: str  # the joint that it turns with
+    ratio: float  # its rate over that joint's
 
 
 class Site(NamedTuple):
     """The description that a platform is made from."""
 
-    parameters: dict[str, Any]
-    """The type's own fields of ``[platform]``, not yet checked."""
+    parameters: dict[str, Any]  # the type's own fields of [platform], not yet checked
     tree: pin.Model
     """The robot with its root link at the world's origin; for reading where the wheels are."""
-    origin: str
-    """Name of the description in messages."""
-    folder: Path
-    """Folder that relative paths in the description start from."""
+    origin: str  # name of the description in messages
+    folder: Path  # folder that relative paths in the description start from
     track: float = 1.0
     """Factor of the wheels' distances to the left and right of the root link's origin."""
 
@@ -89,12 +81,9 @@ class Site(NamedTuple):
 class ArmJoints(NamedTuple):
     """All joints that are not the platform's: those with a motor, and those that follow them."""
 
-    joints: Index
-    """Their places in q, increasing."""
-    column: Index
-    """The number of the entry of y' that moves each."""
-    ratio: Vector
-    """Its rate over that: 1 for a joint with a motor."""
+    joints: Index  # their places in q, increasing
+    column: Index  # the number of the entry of y' that moves each
+    ratio: Vector  # its rate over that: 1 for a joint with a motor
 
 
 class Motion(NamedTuple):
@@ -127,8 +116,7 @@ class Equations(NamedTuple):
     the price of a slower call each. Every entry of the arrays is to be written.
     """
 
-    parameters: Array
-    """The numbers that the functions need; their first argument, always."""
+    parameters: Array  # the numbers that the functions need; their first argument, always
     velocity_map: Callable[[Array, Array, Array], None]
     """(parameters, x, N): N(x), shape (l, l-k)."""
     velocity_map_rate: Callable[[Array, Array, Array, Array], None]
@@ -152,10 +140,8 @@ class Platform:
 
     fields: type[Strict] = Fields
     """The fields of ``[platform]``; with a ``body`` if it may be described by its numbers."""
-    coordinates: tuple[str, ...]
-    """Joint names of x, in the paper's order (l of them)."""
-    velocity_names: tuple[str, ...]
-    """Names of the quasi-velocities alpha (l-k of them)."""
+    coordinates: tuple[str, ...]  # joint names of x, in the paper's order (l of them)
+    velocity_names: tuple[str, ...]  # names of the quasi-velocities alpha (l-k of them)
     root_offset: Array
     """Position of the URDF's root link in the platform frame (m), shape (3,). The frame's origin is
     the reference point (x1, x2) on the ground, its x axis the heading theta."""
@@ -169,14 +155,11 @@ class Platform:
     following: tuple[str, ...] = ()
     """Coordinates that others determine, see :meth:`consistent`. The posture criterion leaves them to
     those unless it gives them weights."""
-    wheels: tuple[Wheel, ...] = ()
-    """The wheels among the coordinates."""
-    geared: tuple[Gear, ...] = ()
-    """Joints that turn together without the ground's help."""
+    wheels: tuple[Wheel, ...] = ()  # the wheels among the coordinates
+    geared: tuple[Gear, ...] = ()  # joints that turn together without the ground's help
     skids: bool = False
     """True if the wheels slip sideways whenever it turns, which its equations say nothing of."""
-    equations: Equations
-    """A and N, and their derivatives."""
+    equations: Equations  # A and N, and their derivatives
     inferred: tuple[str, ...] = ()
     """The fields of ``[platform]`` that ``mobman robots add`` is to find in a URDF for a type of the
     user's own: of ``heading``, ``right_wheel`` and ``left_wheel`` (or both with ``rear_`` in front),

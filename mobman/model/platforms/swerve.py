@@ -63,37 +63,27 @@ class SwerveBody(WheeledBody):
     """Four modules: distance of the front and the rear ones (m)."""
     half_track: float | None = Field(None, gt=0)
     """Four modules: half the distance of the right and the left ones (m)."""
-    circle: float | None = Field(None, gt=0)
-    """Modules on a circle: its radius (m)."""
-    angles: list[float] = []
-    """Their places on the circle, from forward, anticlockwise (rad)."""
-    steering_velocity: float = Field(0.0, ge=0)
-    """Largest steering rate (rad/s); 0: not known."""
-    steering_effort: float = Field(0.0, ge=0)
-    """Largest steering torque (N m); 0: not known."""
-    module_mass: float = Field(gt=0)
-    """Mass of what a steering joint turns, without the wheel (kg)."""
+    circle: float | None = Field(None, gt=0)  # modules on a circle: its radius (m)
+    angles: list[float] = []  # their places on the circle, from forward, anticlockwise (rad)
+    steering_velocity: float = Field(0.0, ge=0)  # largest steering rate (rad/s); 0: not known
+    steering_effort: float = Field(0.0, ge=0)  # largest steering torque (N m); 0: not known
+    module_mass: float = Field(gt=0)  # mass of what a steering joint turns, without the wheel (kg)
 
 
 class SwerveParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "swerve"``."""
 
-    steering: list[str] = []
-    """URDF joints that steer, two or more."""
-    wheels: list[str] = []
-    """URDF joints of the driven wheels, one or more behind each of those."""
-    body: SwerveBody | None = None
-    """The platform by its numbers instead of by a URDF."""
+    steering: list[str] = []  # URDF joints that steer, two or more
+    wheels: list[str] = []  # URDF joints of the driven wheels, one or more behind each of those
+    body: SwerveBody | None = None  # the platform by its numbers instead of by a URDF
 
 
 class Module(NamedTuple):
     """A steering joint; or a place where wheels are that are not steered."""
 
     joint: str
-    position: complex
-    """rho, of its axis in the platform's axes from the reference point (m)."""
-    forward: complex
-    """The direction in which its wheels roll at a joint angle of 0, of length 1."""
+    position: complex  # rho, of its axis in the platform's axes from the reference point (m)
+    forward: complex  # the direction in which its wheels roll at a joint angle of 0, of length 1
     sign: float
     """+1 where a positive angle turns them to the left, else -1; 0 where nothing is steered."""
 
@@ -102,12 +92,9 @@ class ModuleWheel(NamedTuple):
     """A wheel of a module."""
 
     joint: str
-    module: int
-    """The number of its module, from 0."""
-    left: float
-    """e, its distance from the steering axis to the left (m)."""
-    sign: float
-    """+1 where a positive rate rolls it forward, else -1."""
+    module: int  # the number of its module, from 0
+    left: float  # e, its distance from the steering axis to the left (m)
+    sign: float  # +1 where a positive rate rolls it forward, else -1
     driven: bool = True
 
 

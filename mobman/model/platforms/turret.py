@@ -28,24 +28,18 @@ _LEAST = 0.01  # m; with less offset the wheels can hardly move the body sideway
 class TurretBody(WheeledBody):
     """The fields of ``[platform.body]``: the box turns on a carriage with a wheel on either side."""
 
-    carriage_mass: float = Field(gt=0)
-    """Without the wheels (kg)."""
-    turret_velocity: float = Field(0.0, ge=0)
-    """Largest rate of the turret (rad/s); 0: not known."""
-    turret_effort: float = Field(0.0, ge=0)
-    """Largest torque of the turret (N m); 0: not known."""
+    carriage_mass: float = Field(gt=0)  # without the wheels (kg)
+    turret_velocity: float = Field(0.0, ge=0)  # largest rate of the turret (rad/s); 0: not known
+    turret_effort: float = Field(0.0, ge=0)  # largest torque of the turret (N m); 0: not known
 
 
 class TurretParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "turret"``; forward is that of the body, and of the
     carriage with the turret at 0."""
 
-    turret: str | None = None
-    """URDF joint between the body and the carriage."""
-    right_wheel: str | None = None
-    """URDF joint of the carriage's wheel on the right."""
-    left_wheel: str | None = None
-    """URDF joint of the carriage's wheel on the left."""
+    turret: str | None = None  # URDF joint between the body and the carriage
+    right_wheel: str | None = None  # URDF joint of the carriage's wheel on the right
+    left_wheel: str | None = None  # URDF joint of the carriage's wheel on the left
     half_track: float | None = Field(None, gt=0)
     """W (m); by default half the distance between the wheels in the URDF."""
     offset: float | None = None

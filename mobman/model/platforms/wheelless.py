@@ -17,10 +17,8 @@ from mobman.toml_model import Strict
 
 
 class _PlainFields(Fields):
-    height: float = 0.0
-    """Height of the root link's origin above the ground (m)."""
-    body: Body | None = None
-    """The platform by its numbers instead of by a URDF."""
+    height: float = 0.0  # height of the root link's origin above the ground (m)
+    body: Body | None = None  # the platform by its numbers instead of by a URDF
 
 
 class UnicycleParameters(_PlainFields):
@@ -88,8 +86,7 @@ class Planar(BodyFramePlatform):
 class FixedParameters(Strict):
     """The fields of ``[platform]`` for ``type = "fixed"``."""
 
-    body: Body | None = None
-    """A pedestal."""
+    body: Body | None = None  # a pedestal
 
 
 @platforms.register("fixed")

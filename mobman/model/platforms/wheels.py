@@ -25,10 +25,8 @@ class JointPlace(NamedTuple):
     """A joint in axes that are parallel to the platform's, from the root link's origin."""
 
     joint: str
-    centre: Array
-    """m, shape (3,)."""
-    axis: Array
-    """Unit vector, shape (3,)."""
+    centre: Array  # m, shape (3,)
+    axis: Array  # unit vector, shape (3,)
 
     @property
     def at(self) -> complex:
