@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.checks.checks import Finding, Findings, Subject, check, some, warning, wrong
-from mobman.model.posture_weights import conditioning, heading_weight
+from mobman.model.metric import conditioning, heading_weight
 from mobman.robots.infer.findings import MOST_REACH
 from mobman.robots.spec import DRIVEN
 from mobman.robots.urdf.compose import BASE_JOINTS

@@ -184,7 +184,7 @@ def add(
 
 def _heading(robot: MobileManipulator) -> Inferred:
     """The weight of the heading in the posture criterion, by the rule, and what it is good for."""
-    from mobman.model.posture_weights import conditioning
+    from mobman.model.metric import conditioning
 
     weights = robot.criterion_weights
     weight = weights[robot.joint_names.index(robot.platform.base_joints[-1])]

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from mobman.arrays import Array
 from mobman.errors import UsageError
-from mobman.model.criterion import Criterion, Term, criteria
+from mobman.model.criterion import ByComplexStep, Criterion, Term, criteria
 from mobman.model.mobile_manipulator import MobileManipulator
 
 
@@ -59,38 +59,28 @@ class LimitZones:
         self._lower, self._upper = lower + self.width, upper - self.width
 
     def depth(self, q: Array) -> Array:
-        """Depth of each joint in its zones (rad, m), negative in the lower one, shape (joints,)."""
+        """Depth of each joint in its zones (rad, m), negative in the lower one, shape (joints,), for q
+        that may be complex."""
         own = q[self.joints]
         depth: Array = np.minimum(own - self._lower, 0.0) + np.maximum(own - self._upper, 0.0)
         return depth
 
 
-class _Avoidance:
+class _Avoidance(ByComplexStep):
     """See :class:`JointLimitAvoidance`."""
 
     def __init__(self, zones: LimitZones, weight: float) -> None:
-        self._depth, self._weight = zones.depth, weight
-        self._index, self._width = zones.joints, zones.width
+        self._zones, self._weight = zones, weight
 
     def value(self, q: Array) -> float:
         """F(q)."""
-        return float(self._weight / 12.0 * np.sum(self._depth(q) ** 4 / self._width**2))
+        zones = self._zones
+        return float(self._weight / 12.0 * np.sum(zones.depth(q) ** 4 / zones.width**2))
 
-    def gradient(self, q: Array) -> Array:
-        """dF/dq, shape (nq,)."""
-        gradient = np.zeros(len(q))
-        gradient[self._index] = self._weight / 3.0 * self._depth(q) ** 3 / self._width**2
-        return gradient
-
-    def hessian(self, q: Array) -> Array:
-        """d2F/dq2, shape (nq, nq)."""
-        diagonal = np.zeros(len(q))
-        diagonal[self._index] = self._weight * (self._depth(q) / self._width) ** 2
-        return np.diag(diagonal)
-
-    def hessian_rate(self, q: Array, q_dot: Array) -> Array:
-        """dH/dt along q', shape (nq, nq)."""
-        diagonal = np.zeros(len(q))
-        rate = q_dot[self._index] * self._depth(q) / self._width**2
-        diagonal[self._index] = 2.0 * self._weight * rate
-        return np.diag(diagonal)
+    def derivatives(self, q: Array, along: Array) -> tuple[Array, Array]:
+        """See :class:`ByComplexStep`."""
+        zones, depth = self._zones, self._zones.depth(along)
+        gradient, diagonal = np.zeros((2, len(q)), dtype=along.dtype)
+        gradient[zones.joints] = self._weight / 3.0 * depth**3 / zones.width**2
+        diagonal[zones.joints] = self._weight * (depth / zones.width) ** 2
+        return gradient, np.diag(diagonal)

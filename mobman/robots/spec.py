@@ -111,7 +111,7 @@ class CriterionSource(Strict):
     """Weight of the platform's position (1/m^2)."""
     heading: float | None = Field(None, gt=0)
     """Weight of the platform's heading (1/rad^2): ``platform`` where that alone is given, by
-    :func:`mobman.model.posture_weights.heading_weight` where neither is."""
+    :func:`mobman.model.metric.heading_weight` where neither is."""
     default: float = Field(0.05, gt=0)
     """Weight of all other coordinates."""
     wheels: float | None = Field(DRIVEN, gt=0)

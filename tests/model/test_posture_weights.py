@@ -9,8 +9,7 @@ from scipy.linalg import null_space
 import mobman as mm
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import extended_kinematics
-from mobman.model.metric import base_metric
-from mobman.model.posture_weights import conditioning, heading_weight, reduced_stiffness
+from mobman.model.metric import base_metric, conditioning, heading_weight, reduced_stiffness
 from mobman.model.task_map import TaskMap
 from mobman.robots.spec import DRIVEN
 
