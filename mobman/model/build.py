@@ -84,7 +84,7 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
         raise SpecError(f"{where}: the robot with all that is mounted on it: {fault}")
     # before what is added there, and before links that share a joint's name get another
     links = [str(link.get("name")) for link in assembly.robot.findall("link")]
-    platform = _platform(spec, assembly, spec.platform.parameters)
+    platform = make_platform(spec, assembly, spec.platform.parameters)
     tree = _parse(spec, _flat(assembly.robot, where, platform))
     followers = _followers(spec, assembly, platform)
     model = pin.buildReducedModel(tree, *_locked(spec, assembly, platform, tree))
@@ -114,29 +114,18 @@ def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileMa
     return robot
 
 
-def _platform(
+def make_platform(
     spec: RobotSpec, assembly: Assembly, parameters: dict[str, Any], track: float = 1.0
 ) -> Platform:
-    """The platform; where the wheels are says where its frame is."""
-    still = _parse(spec, flat_urdf(deepcopy(assembly.robot), spec.where, base_joints=()))
-    site = Site(parameters, still, spec.where, spec.folder, track)
-    return platform_type(spec).build(site)
-
-
-def platform_with(
-    robot: MobileManipulator, parameters: dict[str, Any], track: float = 1.0
-) -> Platform:
-    """A robot's platform with other fields of ``[platform]``.
-
-    Args:
-        robot: The robot.
-        parameters: All of the fields.
-        track: Factor of the distances of wheels that the URDF tells.
+    """A robot's platform from fields of ``[platform]``; where the wheels are says where its frame is,
+    and ``track`` is a factor of their distances.
 
     Raises:
         SpecError: If a field is wrong.
     """
-    return _platform(robot.spec, assemble(robot.spec, robot.urdf), parameters, track)
+    still = _parse(spec, flat_urdf(deepcopy(assembly.robot), spec.where, base_joints=()))
+    site = Site(parameters, still, spec.where, spec.folder, track)
+    return platform_type(spec).build(site)
 
 
 def load_geometry(robot: MobileManipulator) -> Geometry:
@@ -154,16 +143,15 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
         raise SpecError(f"{where}: geometry of {robot.urdf}: {error}") from error
     xml = _flat(assembly.robot, where, robot.platform)
     tree = _parse(spec, xml)
-    models = []
-    for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
-        try:
-            models.append(pin.buildGeomFromUrdfString(tree, xml, kind))
-        except (ValueError, RuntimeError) as error:
-            raise SpecError(f"{where}: geometry of {robot.urdf}: {error}") from error
+    kinds = pin.GeometryType.VISUAL, pin.GeometryType.COLLISION
+    try:
+        models = [pin.buildGeomFromUrdfString(tree, xml, kind) for kind in kinds]
+    except (ValueError, RuntimeError) as error:
+        raise SpecError(f"{where}: geometry of {robot.urdf}: {error}") from error
     _, reduced = pin.buildReducedModel(tree, models, *_locked(spec, assembly, robot.platform, tree))
     for geometry in reduced:
         _give_back_names(geometry.geometryObjects)
-    return Geometry(visual=reduced[0], collision=reduced[1])
+    return Geometry(*reduced)
 
 
 class Assembly(NamedTuple):
@@ -331,11 +319,7 @@ def _movable(robot: ET.Element) -> dict[str, ET.Element]:
 
 
 def platform_type(spec: RobotSpec) -> type[Platform]:
-    """The platform's class.
-
-    Raises:
-        SpecError: If there is none of that name.
-    """
+    """The platform's class; SpecError if there is none of that name."""
     try:
         return platforms.get(spec.platform.type)
     except UnknownNameError as error:

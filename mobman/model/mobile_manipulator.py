@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy as shallow_copy
 from threading import local
 from typing import Any, NamedTuple
 
@@ -68,8 +68,7 @@ class Limits(NamedTuple):
     joint_velocity: Array  # largest |q'| (m/s, rad/s), shape (nq,); inf for the platform's pose
 
 
-@dataclass(frozen=True)
-class Geometry:
+class Geometry(NamedTuple):
     """Visual and collision geometry of a robot, as Pinocchio's models."""
 
     visual: pin.GeometryModel
@@ -126,19 +125,14 @@ class MobileManipulator(Displayed):
         criterion_weights: Array,
         criterion_couplings: Array,
         followers: Sequence[Follower] = (),
-        motors: Platform | None = None,
     ) -> None:
         self.name, self.spec, self.urdf = spec.name, spec, urdf
-        self.model, self.platform = model, platform
-        self.motors = platform if motors is None else motors
+        self.platform = self.motors = platform
         self.tip, self.q_rest = spec.arm.tip, q_rest
         self.criterion_weights = criterion_weights
         self.criterion_couplings = criterion_couplings
         self.followers = tuple(followers)
-        # a joint may have the same name
-        self.tip_frame = int(model.getFrameId(self.tip, pin.FrameType.BODY))
-        if self.tip_frame >= model.nframes:
-            raise ModelError(f"robot {self.name!r}: no frame {self.tip!r}")
+        self._take(model)
         index = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i}
         self.joint_names = sorted(index, key=index.__getitem__)
         x = [index[name] for name in platform.coordinates]
@@ -160,12 +154,20 @@ class MobileManipulator(Displayed):
         self.nq, self.n, self.n_alpha = int(model.nq), len(own), len(platform.velocity_names)
         self.nz = self.n_alpha + self.n
         self.k = self.nq - self.nz
+        self._of_thread = local()
+
+    def _take(self, model: pin.Model) -> None:
+        """Take a model, and from it where the tip is."""
+        self.model = model
+        # a joint may have the same name
+        self.tip_frame = int(model.getFrameId(self.tip, pin.FrameType.BODY))
+        if self.tip_frame >= model.nframes:
+            raise ModelError(f"robot {self.name!r}: no frame {self.tip!r}")
         tip = model.frames[self.tip_frame]
         self.tip_offset = np.array(tip.placement.translation)
         self.tip_rotation = np.array(tip.placement.rotation, order="C")
-        self.tip_chain = np.zeros(self.nq)
+        self.tip_chain = np.zeros(model.nq)
         self.tip_chain[[model.joints[i].idx_v for i in model.supports[tip.parentJoint] if i]] = 1.0
-        self._of_thread = local()
 
     def _shown(self) -> Shown:
         sizes = f"nq={self.nq}, nz={self.nz}, tip={self.tip!r}"
@@ -202,17 +204,13 @@ class MobileManipulator(Displayed):
             raise UsageError(f"model = {model!r}: expected a pinocchio.Model")
         if list(model.names) != list(self.model.names):
             raise ModelError(f"robot {self.name!r}: the other model has other joints")
-        return MobileManipulator(
-            spec=self.spec,
-            urdf=self.urdf,
-            model=model,
-            platform=self.platform if platform is None else platform,
-            motors=self.motors,
-            q_rest=self.q_rest.copy(),
-            criterion_weights=self.criterion_weights.copy(),
-            criterion_couplings=self.criterion_couplings.copy(),
-            followers=self.followers,
-        )
+        other = shallow_copy(self)
+        other._take(model)
+        for name in ("q_rest", "criterion_weights", "criterion_couplings"):
+            setattr(other, name, getattr(self, name).copy())
+        if platform is not None:
+            other.platform = platform
+        return other
 
     def copy(self) -> MobileManipulator:
         """A copy whose model, rest posture and weights are its own; the platform is shared."""
@@ -286,23 +284,23 @@ class MobileManipulator(Displayed):
     def constraint_matrix(self, q: Array) -> Array:
         """[A(x) 0] of (1) and (16) in q's order, and below it a row for each joint that follows another,
         shape (k, nq)."""
-        own = self._columns(self.platform.constraint_matrix(self._x(q)))
-        return np.concatenate([own, self.following_rows])
+        return self._rows(self.platform.constraint_matrix(self._x(q)), self.following_rows)
 
     def constraint_matrix_rate(self, q: Array, q_dot: Array) -> Array:
         """d/dt of :meth:`constraint_matrix` along q', shape (k, nq)."""
         rate = self.platform.constraint_matrix_rate(self._x(q), self._x(q_dot, "q_dot"))
-        return np.concatenate([self._columns(rate), np.zeros_like(self.following_rows)])
+        return self._rows(rate, np.zeros_like(self.following_rows))
 
     def constraint_hessian(self, q: Array, multiplier: Array) -> Array:
         """d([A 0]^T lam)/dq at fixed lam of shape (k,), shape (nq, nq)."""
-        hessian = self.platform.constraint_hessian(self._x(q), self._of_platform(multiplier))
-        return self._columns(self._columns(hessian).T).T
+        lam = _vector("multiplier", multiplier, self.k)[: self.k - len(self.followers)]
+        return self._square(self.platform.constraint_hessian(self._x(q), lam))
 
     def constraint_hessian_rate(self, q: Array, q_dot: Array, multiplier: Array) -> Array:
         """d/dt of :meth:`constraint_hessian` along q' at fixed lam, shape (nq, nq)."""
-        given = (self._x(q), self._x(q_dot, "q_dot"), self._of_platform(multiplier))
-        return self._columns(self._columns(self.platform.constraint_hessian_rate(*given)).T).T
+        lam = _vector("multiplier", multiplier, self.k)[: self.k - len(self.followers)]
+        given = self._x(q), self._x(q_dot, "q_dot"), lam
+        return self._square(self.platform.constraint_hessian_rate(*given))
 
     def velocity_map(self, q: Array) -> Array:
         """C(q) = blkdiag(N, I) of (9), q' = C z, shape (nq, nz)."""
@@ -321,10 +319,16 @@ class MobileManipulator(Displayed):
         part: Array = _vector(name, q, self.nq)[self.platform_index]
         return part
 
-    def _columns(self, block: Array) -> Array:
-        """A matrix whose columns belong to x, as one whose columns belong to q."""
+    def _rows(self, block: Array, below: Array) -> Array:
+        """Rows over x as rows over q, and others below them."""
         matrix = np.zeros((len(block), self.nq))
         matrix[:, self.platform_index] = block
+        return np.concatenate([matrix, below])
+
+    def _square(self, block: Array) -> Array:
+        """A matrix from x to x as one from q to q."""
+        matrix = np.zeros((self.nq, self.nq))
+        matrix[np.ix_(self.platform_index, self.platform_index)] = block
         return matrix
 
     def _by_velocity(self, block: Array) -> Array:
@@ -332,10 +336,6 @@ class MobileManipulator(Displayed):
         matrix = np.zeros((self.nq, self.nz))
         matrix[self.platform_index, : self.n_alpha] = block
         return matrix
-
-    def _of_platform(self, multiplier: Array) -> Array:
-        """The part of k multipliers that belongs to the platform's constraints."""
-        return _vector("multiplier", multiplier, self.k)[: self.k - len(self.followers)]
 
     def velocity(self, q: Array, z: Array) -> Velocity:
         """C, C z and C' z at (q, z)."""

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.model.build import platform_with
+from mobman.model.build import assemble, make_platform
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.mjcf import unit_twist
 from mobman.simulation.pieces import Factor, Piece, Setting, Spread, Triple, some_given, types_of
@@ -138,7 +138,7 @@ class Wheels(Piece):
         fields["wheel_radius"] *= self.radius * (1.0 + self.radius_spread * draw[0])
         if "half_track" in fields:
             fields["half_track"] *= track
-        platform = platform_with(robot, fields, track)
+        platform = make_platform(spec, assemble(spec, robot.urdf), fields, track)
 
         def remake(true: MobileManipulator) -> MobileManipulator:
             model, base = true.model.copy(), true.model.getJointId(platform.base_joints[-1])
