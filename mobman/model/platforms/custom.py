@@ -219,38 +219,34 @@ class Custom(Platform):
 
 def _along(function: Callable[[Array], Array], x: Array, direction: Array) -> Array:
     """Derivative of a smooth function at x along a direction."""
-    size = float(np.linalg.norm(direction))
-    if size == 0.0:
-        return np.zeros_like(np.asarray(function(x.copy()), dtype=float))
-    step = _STEP / size * direction
-    parts = [
-        weight * (np.asarray(function(x + k * step)) - np.asarray(function(x - k * step)))
-        for k, weight in enumerate(_WEIGHTS, start=1)
-    ]
-    result: Array = np.sum(parts, axis=0) * (size / _STEP)
-    return result
+    size = float(np.linalg.norm(direction)) or 1.0
+    return size / _STEP * _stencil(function, x, _STEP / size * direction, _WEIGHTS, -1.0)
 
 
 def _mixed(function: Callable[[Array], Array], x: Array, first: Array, second: Array) -> Array:
     """Second derivative of a smooth function at x along one direction, then another."""
-    size = float(np.linalg.norm(second))
-    if size == 0.0:
-        return np.zeros_like(np.asarray(function(x.copy()), dtype=float))
+    size = float(np.linalg.norm(second)) or 1.0
     unit = second / size
     return 0.25 * size * (_twice(function, x, first + unit) - _twice(function, x, first - unit))
 
 
 def _twice(function: Callable[[Array], Array], x: Array, direction: Array) -> Array:
     """Second derivative of a smooth function at x along a direction."""
-    here = np.asarray(function(x.copy()), dtype=float)
-    step = _SECOND_STEP * direction
+    around = _stencil(function, x, _SECOND_STEP * direction, _SECOND_WEIGHTS, 1.0)
+    here = 2.0 * sum(_SECOND_WEIGHTS) * np.asarray(function(x.copy()), dtype=float)
+    return (around - here) / _SECOND_STEP**2
+
+
+def _stencil(
+    function: Callable[[Array], Array], x: Array, step: Array, weights: Sequence[float], sign: float
+) -> Array:
+    """Weighted sum of a function's values ahead and, times the sign, behind."""
     parts = [
-        weight
-        * (np.asarray(function(x + k * step)) + np.asarray(function(x - k * step)) - 2 * here)
-        for k, weight in enumerate(_SECOND_WEIGHTS, start=1)
+        weight * (np.asarray(function(x + k * step)) + sign * np.asarray(function(x - k * step)))
+        for k, weight in enumerate(weights, start=1)
     ]
-    result: Array = np.sum(parts, axis=0) / _SECOND_STEP**2
-    return result
+    total: Array = np.sum(parts, axis=0)
+    return total
 
 
 def load_code(definition: str, folder: Path, where: str) -> Any:
