@@ -7,11 +7,10 @@ import importlib.util
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 
 from mobman.arrays import Array
 from mobman.compiled import sequence
@@ -22,38 +21,12 @@ from mobman.simulation.mjcf import BASE, LEAST_FRICTION, TIP
 from mobman.simulation.pieces import Setting
 from mobman.simulation.plant import MakePlant, Plant, plants
 from mobman.simulation.sensors import pose_index
-from mobman.toml_model import Strict
 
 _LESSER = 1e-4  # weight of the rates that tell of z only what the others leave open
 _RUNAWAY = 1e5  # rad/s, m/s, and a thousandth of the accelerations: beyond it nothing is integrated
 _SETTLED, _MOST_SETTLING = 1e-9, 20_000  # m/s, rad/s; steps
 _HELD = 1e9  # kg m^2, kg: added to the joints while the tyres take the load
 _SERVO = 200.0  # rad/s, of the drives that keep modules at their angles
-
-
-class Patch(Strict):
-    """A round patch of other friction."""
-
-    ahead: float = 0.0
-    """Distance from where the platform starts, along its heading (m)."""
-    left: float = 0.0
-    """The same to the left (m)."""
-    radius: float = Field(gt=0)
-    """m."""
-    friction: float = Field(ge=0)
-
-
-class Ridge(Strict):
-    """A ridge across the way."""
-
-    ahead: float
-    """Distance from where the platform starts, along its heading (m)."""
-    angle: float = 0.0
-    """Angle between the heading there and the direction in which the ridge is crossed (rad)."""
-    height: float = Field(gt=0)
-    """m."""
-    width: float = Field(0.1, gt=0)
-    """On the ground (m)."""
 
 
 @plants.register("mujoco")
@@ -64,23 +37,6 @@ class MuJoCo(mjcf.Ground):
     C can express, by least squares. What the constraints forbid is not impossible here: it is slip,
     which is recorded, as are forces and what lifts off.
     """
-
-    slope: float = Field(0.0, gt=-1.2, lt=1.2)
-    """Slope of the ground (rad); the task is in its axes, and the controller knows nothing of it."""
-    uphill: float = 0.0
-    """Direction in which it rises, from the world's x axis (rad)."""
-    patches: list[Patch] = Field([], max_length=100)
-    """Ground of other friction; the first that a wheel is on counts."""
-    bumps: list[Ridge] = Field([], max_length=100)
-    """Ridges."""
-    scrub: bool = False
-    """Wheels of skid-steered platforms have friction sideways, too, and where they are; the effective
-    track is then what the ground makes of it."""
-    velocity: Literal["pose", "wheels"] = "pose"
-    """What tells z: the rates of the platform's pose, or those of its wheels, which slip; each tells
-    what the other leaves open."""
-    step: float = Field(2.5e-4, ge=1e-6, le=1e-3)
-    """Longest integration step (s)."""
 
     def start(self, setting: Setting) -> MakePlant:
         """See :class:`Piece`; UsageError if MuJoCo is not installed."""
@@ -157,25 +113,19 @@ class ContactPlant(Plant):
         """See :class:`Plant`: itself, at rest on its tyres."""
         robot, given, now = self.robot, self._given, self.now
         self.h[0] = h
-        x, y, heading = q[self._pose] if self._pose else np.zeros(3)
-        c, s = math.cos(heading), math.sin(heading)
-
-        def spot(ahead: float, left: float) -> Array:
-            away = np.array([c * ahead - s * left, s * ahead + c * left])
-            return np.asarray(np.array([x, y]) + away)
-
+        start = q[self._pose] if self._pose else np.zeros(3)
         self._patches = [
-            (spot(one.ahead, one.left), one.radius**2, max(one.friction, LEAST_FRICTION))
+            (
+                mjcf.spot(start, one.ahead, one.left),
+                one.radius**2,
+                max(one.friction, LEAST_FRICTION),
+            )
             for one in given.patches
-        ]
-        bumps = [
-            mjcf.Bump(spot(one.ahead, 0.0), float(heading) + one.angle, one.height, one.width)
-            for one in given.bumps
         ]
         down = -math.sin(given.slope) * np.array([math.cos(given.uphill), math.sin(given.uphill)])
         g = float(np.linalg.norm(robot.model.gravity.linear))
         gravity = g * np.array([*down, -math.cos(given.slope)])
-        xml = mjcf.mjcf(robot, self._feet, given, min(h, given.step), gravity, bumps)
+        xml = mjcf.mjcf(robot, self._feet, given, min(h, given.step), gravity, start)
         self._model, self._data = mjcf.make_model(robot, xml)
         if self._feet:
             mjcf.set_tyres(self._model, pin.computeTotalMass(robot.model), self._feet, given)

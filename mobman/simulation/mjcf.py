@@ -6,7 +6,7 @@ import importlib
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,12 +16,14 @@ from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.pieces import Piece
+from mobman.toml_model import Strict
 
 BASE, TIP = "mobman/base", "mobman/tip"
 """Names of the base's body and free joint, and of the site at the tip."""
 _SKATE = 0.05  # m, radius of a foot that stands for a constraint
 _RIGID = {"solref": "0.002 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}  # gears, followers
 _ROLLING = 1e-4  # friction of a roller about its own axis, over that along it
+_ORIGIN = np.zeros(3)
 LEAST_FRICTION = 1e-5
 """The least that MuJoCo takes."""
 _EMPTY = (
@@ -29,6 +31,31 @@ _EMPTY = (
     'solver="Newton" iterations="100" tolerance="1e-12"><flag autoreset="disable" island="disable"/>'
     "</option><worldbody/><contact/><equality/></mujoco>"
 )
+
+
+class Patch(Strict):
+    """A round patch of other friction."""
+
+    ahead: float = 0.0
+    """Distance from where the platform starts, along its heading (m)."""
+    left: float = 0.0
+    """The same to the left (m)."""
+    radius: float = Field(gt=0)
+    """m."""
+    friction: float = Field(ge=0)
+
+
+class Ridge(Strict):
+    """A ridge across the way."""
+
+    ahead: float
+    """Distance from where the platform starts, along its heading (m)."""
+    angle: float = 0.0
+    """Angle between the heading there and the direction in which the ridge is crossed (rad)."""
+    height: float = Field(gt=0)
+    """m."""
+    width: float = Field(0.1, gt=0)
+    """On the ground (m)."""
 
 
 class Ground(Piece):
@@ -48,6 +75,22 @@ class Ground(Piece):
     supports: float = Field(0.2, gt=0)
     """Stiffness of the supports of a platform on one axle over that of its wheels: the softer, the more
     of the load is on the wheels."""
+    slope: float = Field(0.0, gt=-1.2, lt=1.2)
+    """Slope of the ground (rad); the task is in its axes, and the controller knows nothing of it."""
+    uphill: float = 0.0
+    """Direction in which it rises, from the world's x axis (rad)."""
+    patches: list[Patch] = Field([], max_length=100)
+    """Ground of other friction; the first that a wheel is on counts."""
+    bumps: list[Ridge] = Field([], max_length=100)
+    """Ridges."""
+    scrub: bool = False
+    """Wheels of skid-steered platforms have friction sideways, too, and where they are; the effective
+    track is then what the ground makes of it."""
+    velocity: Literal["pose", "wheels"] = "pose"
+    """What tells z: the rates of the platform's pose, or those of its wheels, which slip; each tells
+    what the other leaves open."""
+    step: float = Field(2.5e-4, ge=1e-6, le=1e-3)
+    """Longest integration step (s)."""
 
 
 class Foot(NamedTuple):
@@ -72,16 +115,6 @@ class Foot(NamedTuple):
     def directed(self) -> bool:
         """True if it has friction in one direction only."""
         return self.friction and self.roller is not None
-
-
-class Bump(NamedTuple):
-    """A ridge on the ground: a point of its axis there (m), shape (2,), the direction in which it is
-    crossed (rad), its height and its width on the ground (m)."""
-
-    centre: Array
-    direction: float
-    height: float
-    width: float
 
 
 # Feet -------------------------------------------------------------------------------------------------
@@ -191,7 +224,7 @@ def mjcf(
     ground: Ground,
     step: float,
     gravity: Array,
-    bumps: Iterable[Bump] = (),
+    start: Array = _ORIGIN,
 ) -> str:
     """The robot and the ground as MJCF; inertias are set by :func:`make_model`.
 
@@ -201,6 +234,7 @@ def mjcf(
     Args:
         step: Integration step (s).
         gravity: m/s^2, shape (3,).
+        start: Pose at which the platform starts (m, m, rad), shape (3,).
     """
     root = ET.fromstring(_EMPTY)
     parts = (next(root.iter(tag)) for tag in ("option", "worldbody", "contact", "equality"))
@@ -208,9 +242,9 @@ def mjcf(
     option.attrib |= {"timestep": repr(step), "gravity": numbers(gravity)}
     _shape(world, "ground", type="plane", size="0 0 1")
     obstacles = ["ground"]
-    for i, bump in enumerate(bumps):
+    for i, bump in enumerate(ground.bumps):
         obstacles.append(f"mobman/bump_{i}")
-        _ridge(world, obstacles[-1], bump)
+        _ridge(world, obstacles[-1], bump, start)
     model, base = robot.model, robot.platform.base_joints
     bodies: dict[str, ET.Element] = {"universe": world}
     if base:
@@ -242,11 +276,18 @@ def _shape(body: ET.Element, name: str, **attributes: str) -> None:
     ET.SubElement(body, "geom", {"name": name, "contype": "0", "conaffinity": "0", **attributes})
 
 
-def _ridge(world: ET.Element, name: str, bump: Bump) -> None:
+def spot(start: Array, ahead: float, left: float) -> Array:
+    """The point so far ahead of a start (m, m, rad), shape (3,), and left of it (m), shape (2,)."""
+    c, s = math.cos(start[2]), math.sin(start[2])
+    return np.asarray(start[:2] + np.array([c * ahead - s * left, s * ahead + c * left]))
+
+
+def _ridge(world: ET.Element, name: str, bump: Ridge, start: Array) -> None:
     """A cylinder with round ends, so far in the ground that it has the bump's height and width."""
     radius = (bump.height**2 + 0.25 * bump.width**2) / (2.0 * bump.height)
-    along = np.array([-math.sin(bump.direction), math.cos(bump.direction), 0.0])
-    axis = np.array([*bump.centre, bump.height - radius])
+    direction = float(start[2]) + bump.angle
+    along = np.array([-math.sin(direction), math.cos(direction), 0.0])
+    axis = np.array([*spot(start, bump.ahead, 0.0), bump.height - radius])
     ends = numbers([*(axis - 50.0 * along), *(axis + 50.0 * along)])
     _shape(world, name, type="capsule", fromto=ends, size=repr(radius))
 

@@ -17,10 +17,9 @@ from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, dot
 from mobman.model.dynamics import Buffers, reduced_bias, reduced_inertia
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.platforms.platform import ArmJoints
-from mobman.simulation.disturbances import Resistance, Torque
+from mobman.simulation.disturbances import Contact, Resistance, Torque
 from mobman.simulation.pieces import Piece, Setting, some_given, types_of
 from mobman.simulation.sensors import pose_index
-from mobman.simulation.stops import Contact
 
 _LARGEST_DECAY = 2.5
 """Longest Runge-Kutta step, in time constants of the friction; it is stable to 2.78."""

@@ -27,11 +27,10 @@ from mobman.errors import MobmanError, SpecError, UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.actuation import ActuationChain, actuations
 from mobman.simulation.differences import inertias, kinematics, true_robot
-from mobman.simulation.disturbances import Torque, disturbances, frictions
+from mobman.simulation.disturbances import Torque, disturbances, frictions, stops
 from mobman.simulation.pieces import Piece, Setting, Types
 from mobman.simulation.plant import Plant, plants, slips
 from mobman.simulation.sensors import Encoders, Measurement, estimators, pose_index, sensors
-from mobman.simulation.stops import stops
 from mobman.toml_model import Strict, describe, named_file, read_toml, validate
 
 GROUPS: dict[str, tuple[str, Types]] = {

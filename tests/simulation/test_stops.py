@@ -9,8 +9,8 @@ from support.settings import setting
 from support.states import random_configuration
 
 import mobman as mm
+from mobman.simulation.disturbances import JointLimits, least_inertia
 from mobman.simulation.scenario import Scenario
-from mobman.simulation.stops import JointLimits, least_inertia
 
 STOPS = Scenario(name="s", stops=[{"type": "joint-limits"}])
 
