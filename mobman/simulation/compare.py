@@ -38,18 +38,8 @@ class Comparison(Displayed):
         return pd.DataFrame(rows, index=list(self.records))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
-        """Draw the norms of errors and torques of all runs against time.
-
-        Args:
-            path: A file (``.html``, ``.svg``, ``.pdf``, ``.png``), as for :meth:`mobman.Record.plot`.
-
-        Returns:
-            The file's path; without one a chart of Altair, which notebooks show.
-
-        Raises:
-            UsageError: If the suffix is another.
-            MobmanError: If the file cannot be written.
-        """
+        """Draw the norms of errors and torques of all runs against time: into a file, whose path is
+        given back, or a chart of Altair; argument and errors are those of :meth:`mobman.Record.plot`."""
         from mobman.figures import charts, files
         from mobman.figures.looks import looks_of
 

@@ -229,7 +229,7 @@ class Loop:
         # local names, since these run at every tick
         samples, plant, now = self.samples, self.plant, self.plant.now
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
-        run_all, measure, step = now.run_all, self._measurement.take, self.controller.step
+        run_all, measure, step = now.run_all, self._measurement, self.controller.step
         look, tip, disturb = self._look, self._tip, plant.disturb
         q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
         keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype

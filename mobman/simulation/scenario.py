@@ -30,7 +30,7 @@ from mobman.simulation.differences import inertias, kinematics, true_robot
 from mobman.simulation.disturbances import Torque, disturbances, frictions, stops
 from mobman.simulation.pieces import Piece, Setting, Types
 from mobman.simulation.plant import Plant, plants, slips
-from mobman.simulation.sensors import Encoders, Measurement, estimators, pose_index, sensors
+from mobman.simulation.sensors import Measure, encoders, estimators, pose_index, sensors
 from mobman.toml_model import Strict, describe, named_file, read_toml, validate
 
 GROUPS: dict[str, tuple[str, Types]] = {
@@ -258,12 +258,28 @@ class Scenario(Displayed, Strict):
         stages = self._started("actuation", setting)
         return ActuationChain(stages, setting.dt, setting.robot.nz) if stages else None
 
-    def measurement(self, setting: Setting, true: MobileManipulator | None = None) -> Measurement:
+    def measurement(self, setting: Setting, true: MobileManipulator | None = None) -> Measure:
         """The measurement that the controller is given, of the true robot; by default the nominal."""
-        (estimate,), encoders = self._started("acceleration", setting), None
+        (estimate,), errors = (
+            self._started("acceleration", setting),
+            self._started("sensors", setting),
+        )
+        tell = None
         if true is not None and true.motors is not true.platform:  # other wheels
-            encoders = Encoders(setting.robot, true, setting.dt)
-        return Measurement(estimate, self._started("sensors", setting), encoders)
+            tell = encoders(setting.robot, true, setting.dt)
+
+        def measure(q: Array, z: Array, z_dot: Array) -> tuple[Array, Array, Array]:
+            if tell is not None:
+                z, z_dot = tell(q, z, z_dot)
+            q_now, z_now = q.copy(), z.copy()
+            for sensor in errors:
+                sensor.state(q_now, z_now)
+            acceleration = estimate(z_now, z_dot)
+            for sensor in errors:
+                sensor.acceleration(acceleration)
+            return q_now, z_now, acceleration
+
+        return measure
 
 
 def _given(scenario: Scenario) -> dict[str, Any]:

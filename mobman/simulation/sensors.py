@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,10 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.pieces import Each, Piece, Setting, checked, entries, types_of
 from mobman.tasks.task import Task, task_entry
 
+Measure = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
+"""The measured q, z and z', new arrays, from the true ones under the torque held until now, shapes
+(nq,), (nz,), (nz,); called once at every tick."""
+
 Estimate = Callable[[Array, Array], Array]
 """z' at a tick, a new array, from the measured z and the true z' under the torque held until now, shapes
 (nz,); called once at every tick."""
@@ -25,67 +29,36 @@ estimators = types_of("acceleration estimator", "mobman.acceleration")
 """Types of estimators; each starts as an :data:`Estimate`."""
 
 
-class Sensor:
-    """A piece at work: from the true state to the measured one."""
+class Sensor(NamedTuple):
+    """A piece at work: from the true state to the measured one. Both are called at every tick."""
 
-    def state(self, q: Array, z: Array) -> None:
-        """Change q and z, shapes (nq,) and (nz,), in place; called once at every tick."""
-
-    def acceleration(self, z_dot: Array) -> None:
-        """Change z', shape (nz,), in place; after :meth:`state`."""
+    state: Callable[[Array, Array], None] = lambda q, z: None
+    """Changes q and z, shapes (nq,) and (nz,), in place."""
+    acceleration: Callable[[Array], None] = lambda z_dot: None
+    """Changes z', shape (nz,), in place; called after the other."""
 
 
 sensors = types_of("sensor type", "mobman.sensors")
 """Types of errors; each starts as a :class:`Sensor`, or None."""
 
 
-class Measurement:
-    """(q, z, z') as the sensors show them.
+def encoders(
+    robot: MobileManipulator, true: MobileManipulator, dt: float
+) -> Callable[[Array, Array, Array], tuple[Array, Array]]:
+    """A function that gives z and z', shapes (nz,), as a law with the nominal robot takes them from the
+    encoders of wheels and joints of the true one, which has the same coordinates; called every dt (s)
+    with the true q, z and z'."""
+    rows, last = telling_rows(robot), None
 
-    Args:
-        estimate: The estimator of z'.
-        sensors: Their errors, in the order in which they happen.
-        encoders: What tells of z and z', from (q, z, z'); they themselves by default.
-    """
-
-    def __init__(
-        self,
-        estimate: Estimate,
-        sensors: list[Sensor],
-        encoders: Callable[[Array, Array, Array], tuple[Array, Array]] | None = None,
-    ) -> None:
-        self._estimate, self._sensors, self._encoders = estimate, sensors, encoders
-
-    def take(self, q: Array, z: Array, z_dot: Array) -> tuple[Array, Array, Array]:
-        """The measured ones, new arrays, of the true q, z and z' under the torque held until now, shapes
-        (nq,), (nz,), (nz,); to be called once at every tick."""
-        if self._encoders is not None:
-            z, z_dot = self._encoders(q, z, z_dot)
-        q_now, z_now = q.copy(), z.copy()
-        for sensor in self._sensors:
-            sensor.state(q_now, z_now)
-        acceleration = self._estimate(z_now, z_dot)
-        for sensor in self._sensors:
-            sensor.acceleration(acceleration)
-        return q_now, z_now, acceleration
-
-
-class Encoders:
-    """Values of z that a law with the nominal robot takes from the encoders of wheels and joints of the
-    true one, which has the same coordinates, every dt (s)."""
-
-    def __init__(self, robot: MobileManipulator, true: MobileManipulator, dt: float) -> None:
-        self._robot, self._true, self._dt = robot, true, dt
-        self._rows = telling_rows(robot)
-        self._last: Array | None = None
-
-    def __call__(self, q: Array, z: Array, z_dot: Array) -> tuple[Array, Array]:
-        """z and z' that fit the coordinates' rates, shapes (nz,); once a tick."""
-        nominal, true = (one.velocity_map(q)[self._rows] for one in (self._robot, self._true))
-        told: Array = np.asarray(np.linalg.lstsq(nominal, true, rcond=None)[0])
-        rate: Any = 0.0 if self._last is None else (told - self._last) @ z / self._dt
-        self._last = told
+    def tell(q: Array, z: Array, z_dot: Array) -> tuple[Array, Array]:
+        nonlocal last
+        C, true_C = (one.velocity_map(q)[rows] for one in (robot, true))
+        told: Array = np.asarray(np.linalg.lstsq(C, true_C, rcond=None)[0])
+        rate: Any = 0.0 if last is None else (told - last) @ z / dt
+        last = told
         return told @ z, told @ z_dot + rate
+
+    return tell
 
 
 class MeasuredTip:
@@ -190,25 +163,24 @@ class WhiteNoise(Piece):
             entries(self.velocity, names, "velocity", "velocities"),
             entries(self.acceleration, names, "acceleration", "velocities"),
         )
-        return _Noisy(deviations, setting.random) if np.concatenate(deviations).any() else None
-
-
-class _Noisy(Sensor):
-    def __init__(self, deviations: tuple[Array, ...], random: np.random.Generator) -> None:
+        if not np.concatenate(deviations).any():
+            return None
         # a stream for each, so that noise of one does not depend on whether another has any
-        streams = zip(deviations, random.spawn(3), strict=True)
-        self._parts = [(some, own) if some.any() else None for some, own in streams]
+        streams = zip(deviations, setting.random.spawn(3), strict=True)
+        on_q, on_z, on_z_dot = (_noise(deviation, own) for deviation, own in streams)
 
-    def state(self, q: Array, z: Array) -> None:
-        self._add(0, q)
-        self._add(1, z)
+        def state(q: Array, z: Array) -> None:
+            on_q(q)
+            on_z(z)
 
-    def acceleration(self, z_dot: Array) -> None:
-        self._add(2, z_dot)
+        return Sensor(state, on_z_dot)
 
-    def _add(self, part: int, values: Array) -> None:
-        if (noise := self._parts[part]) is not None:
-            values += noise[0] * noise[1].standard_normal(len(values))
+
+def _noise(deviation: Array, random: np.random.Generator) -> Callable[[Array], None]:
+    def add(values: Array) -> None:
+        values += deviation * random.standard_normal(len(values))
+
+    return add if deviation.any() else lambda values: None
 
 
 @sensors.register("quantisation")
@@ -223,28 +195,27 @@ class Quantisation(Piece):
     """z is measured by itself, or is (q_k - q_(k-1))/dt of the rounded q, as z."""
 
     def start(self, setting: Setting) -> Sensor | None:
-        robot, dt = setting.robot, setting.dt if self.velocity == "difference" else None
+        robot, measured = setting.robot, self.velocity == "measured"
         resolution = _of_coordinates(robot, self.resolution, self.pose, "resolution")
-        return _Quantised(robot, resolution, dt) if resolution.any() or dt is not None else None
+        if measured and not resolution.any():
+            return None
+        rounded, rows = np.flatnonzero(resolution), telling_rows(robot)
+        step = resolution[rounded]
+        last: Array | None = None
 
+        def state(q: Array, z: Array) -> None:
+            nonlocal last
+            q[rounded] = step * np.round(q[rounded] / step)
+            if measured:
+                return
+            before, last = last, q.copy()
+            if before is None:
+                z[:] = 0.0  # runs start at rest
+            else:
+                rate = (q - before)[rows] / setting.dt
+                z[:] = np.linalg.lstsq(robot.velocity_map(q)[rows], rate, rcond=None)[0]
 
-class _Quantised(Sensor):
-    def __init__(self, robot: MobileManipulator, resolution: Array, dt: float | None) -> None:
-        self._rounded = np.flatnonzero(resolution)
-        self._resolution = resolution[self._rounded]
-        self._robot, self._dt, self._telling = robot, dt, telling_rows(robot)
-        self._last: Array | None = None
-
-    def state(self, q: Array, z: Array) -> None:
-        q[self._rounded] = self._resolution * np.round(q[self._rounded] / self._resolution)
-        if self._dt is None:
-            return
-        rows, last, self._last = self._telling, self._last, q.copy()
-        if last is None:
-            z[:] = 0.0  # runs start at rest
-        else:
-            c = self._robot.velocity_map(q)[rows]
-            z[:] = np.linalg.lstsq(c, (q - last)[rows] / self._dt, rcond=None)[0]
+        return Sensor(state)
 
 
 def telling_rows(robot: MobileManipulator) -> Index:

@@ -13,7 +13,7 @@ from mobman.controllers.task_errors import TaskSpace
 from mobman.errors import SpecError
 from mobman.model.dynamics import Buffers
 from mobman.simulation import rerun
-from mobman.simulation.sensors import Encoders, MeasuredTip
+from mobman.simulation.sensors import MeasuredTip, encoders
 
 WHEELED = [
     *("tiago_no_hand", "youbot", "jackal_z1", "hunter_ur10", "youbot_mecanum", "lekiwi_so101"),
@@ -129,7 +129,7 @@ def test_other_wheels_are_those_of_a_robot_that_has_them(name):
 def test_encoders_tell_what_fits_their_rates(name):
     nominal = mm.load_robot(name)
     true = _true(nominal, {"type": "wheels", "radius": 0.9, "track": 1.1})
-    measure = mm.Scenario(name="s").measurement(setting(nominal), true).take
+    measure = mm.Scenario(name="s").measurement(setting(nominal), true)
     own = [i for i, joint in enumerate(nominal.joint_names) if not joint.startswith("base_")]
     for q, z in random_states(nominal, 3):
         q = true.consistent(q)
@@ -143,12 +143,12 @@ def test_encoders_tell_what_fits_their_rates(name):
             < 1e-6 * np.abs(rates).max() * np.abs(nominal.velocity_map(q)[own]).max()
         )
     # along a motion z' is the rate of z
-    encoders, dt = Encoders(nominal, true, 1e-5), 1e-5
+    tell, dt = encoders(nominal, true, 1e-5), 1e-5
     z, z_dot = np.random.default_rng(1).standard_normal((2, nominal.nz))
     q = nominal.q_rest
     ticks = []
     for _ in range(3):
-        ticks.append(encoders(q, z, z_dot))
+        ticks.append(tell(q, z, z_dot))
         q, z = q + dt * true.velocity_map(q) @ z, z + dt * z_dot
     difference = (ticks[2][0] - ticks[1][0]) / dt
     assert np.allclose(difference, ticks[2][1], rtol=1e-3, atol=1e-3)

@@ -213,9 +213,7 @@ from mobman.simulation.pieces import Piece
 
 class Dead(Piece):
     def start(self, setting):
-        sensor = Sensor()
-        sensor.state = lambda q, z: z.fill(0.0)
-        return sensor
+        return Sensor(state=lambda q, z: z.fill(0.0))
 
 
 sensors.register("{name}", Dead)
@@ -298,7 +296,7 @@ def _signals(scenario, robot, seed=0):
     scenario = Scenario(name="s", **scenario)
     masses = [link.mass for link in scenario.true_robot(setting(robot, seed)).model.inertias]
     push = scenario.disturbance(setting(robot, seed))
-    measured = scenario.measurement(setting(robot, seed)).take(
+    measured = scenario.measurement(setting(robot, seed))(
         robot.q_rest, np.zeros(robot.nz), np.zeros(robot.nz)
     )
     return [np.array(masses), *([] if push is None else [push(0.7)]), *measured]
