@@ -76,9 +76,6 @@ class Backend:
         self._executor.shutdown(wait=False)
         self._executor = self._make()
 
-    def prepare(self, jobs: Sequence[Job]) -> None:
-        """Look at the jobs that will be submitted."""
-
     def __enter__(self) -> Self:
         return self
 
@@ -115,14 +112,15 @@ class Local(Backend):
 
 
 class Cluster(Backend):
-    """The workers of a Dask scheduler at an address such as ``"tcp://10.0.0.1:8786"``.
+    """The workers of a Dask scheduler at an address such as ``"tcp://10.0.0.1:8786"``, each of which must
+    be able to load what some jobs have in common.
 
     Raises:
         MobmanError: If Dask is not installed, or nothing answers at the address.
         UsageError: If it is not an address.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, jobs: Sequence[Job]) -> None:
         try:
             import distributed
             from distributed.comm.addressing import get_address_host_port
@@ -151,7 +149,7 @@ class Cluster(Backend):
                 "tcp://host:8786"
             ) from error
         self._executor: Executor = self._client.get_executor(pure=False)
-        self._parts: dict[str, Any] = {}
+        self._parts = parts_of(jobs)
         self._known: set[str] = set()
 
     def slots(self) -> int:
@@ -186,10 +184,6 @@ class Cluster(Backend):
         many = f"{count} workers" if count > 1 else "the worker"
         return f"{many} that had it died (out of memory, over its time limit, or killed)"
 
-    def prepare(self, jobs: Sequence[Job]) -> None:
-        """Look at what the jobs have in common, which every worker must be able to load."""
-        self._parts = parts_of(jobs)
-
     def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
         with contextlib.suppress(Exception):
             if self._client.status == "running":
@@ -204,8 +198,19 @@ class Cluster(Backend):
 
     def _check(self, workers: list[str]) -> None:
         """Require that workers can do the same runs with the same result; a MobmanError if not."""
+
+        def versions_there() -> dict[
+            str, str
+        ]:  # sent whole, since there may be another mobman, or none
+            try:
+                from mobman.provenance import versions
+
+                return versions()
+            except ImportError:
+                return {}
+
         here = versions()
-        for worker, there in self._ask(workers, _versions_there).items():
+        for worker, there in self._ask(workers, versions_there).items():
             if there.get("mobman") != here["mobman"]:
                 raise MobmanError(
                     f"the worker {worker} has mobman {there.get('mobman', 'not installed')}, here it is "
@@ -228,13 +233,25 @@ class Cluster(Backend):
             raise MobmanError(problems[0])
 
     def _problems(self, workers: list[str]) -> list[str]:
-        """Faults of what the workers are sent."""
+        """Reasons for which workers cannot unpack what they are sent."""
         import cloudpickle
 
-        contents = [
-            (name, packed(part, cloudpickle.dumps, name)) for name, part in self._parts.items()
-        ]
-        found = self._ask(workers, _problems_there, contents)
+        def problems_there(contents: dict[str, bytes]) -> list[str]:
+            import pickle
+
+            problems = []
+            for name, content in contents.items():
+                try:
+                    pickle.loads(content)
+                except Exception as error:
+                    problems.append(
+                        f"{name} cannot be loaded on the workers ({type(error).__name__}: {error}); "
+                        "install there what defines it"
+                    )
+            return problems
+
+        contents = {k: packed(part, cloudpickle.dumps, k) for k, part in self._parts.items()}
+        found = self._ask(workers, problems_there, contents)
         return [problem for problems in found.values() for problem in problems]
 
     def _send_by_value(self) -> None:
@@ -252,38 +269,3 @@ class Cluster(Backend):
         """Call a function on workers; those that leave meanwhile are left out."""
         answers = self._client.run(function, *args, workers=workers, on_error="return")
         return {k: answer for k, answer in answers.items() if not isinstance(answer, BaseException)}
-
-
-def _by_value() -> tuple[
-    Callable[[], dict[str, str]], Callable[[list[tuple[str, bytes]]], list[str]]
-]:
-    """Functions for workers that may have no mobman, or another one: local ones are sent whole."""
-
-    def versions_there() -> dict[str, str]:
-        """Versions of the libraries on a worker; none if it has no mobman."""
-        try:
-            from mobman.provenance import versions
-
-            return versions()
-        except ImportError:
-            return {}
-
-    def problems_there(packed: list[tuple[str, bytes]]) -> list[str]:
-        """Reasons for which a worker cannot unpack these, by name."""
-        import pickle
-
-        problems = []
-        for name, content in packed:
-            try:
-                pickle.loads(content)
-            except Exception as error:
-                problems.append(
-                    f"{name} cannot be loaded on the workers ({type(error).__name__}: {error}); install "
-                    "there what defines it"
-                )
-        return problems
-
-    return versions_there, problems_there
-
-
-_versions_there, _problems_there = _by_value()

@@ -190,13 +190,14 @@ def run_suite(
         started = time.monotonic()
         if dask is None and not anything_kept():
             preload()  # compile here and once, instead of in every process that starts
+        jobs = jobs_of(todo, limit)
         if dask is not None:
-            backend: Backend = Cluster(dask)
+            backend: Backend = Cluster(dask, jobs)
         elif executor is not None:
             backend = Backend(executor)
         else:
             backend = Local(min(workers or default_workers(), len(todo)), limit)
-        _do(jobs_of(todo, limit), backend, store, summary, tell)
+        _do(jobs, backend, store, summary, tell)
         summary.seconds = time.monotonic() - started
         store.finish(summary.seconds, summary.workers)
     else:
@@ -262,7 +263,6 @@ def results(
     left, suspects = deque(_Try(job) for job in jobs), deque[_Try]()
     submitted: dict[Future[Result], _Try] = {}
     executor, running, waiting = 0, 0, False
-    backend.prepare(jobs)
     slots, looked = backend.slots(), time.monotonic()
 
     def again(
