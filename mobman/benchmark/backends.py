@@ -112,8 +112,8 @@ class Local(Backend):
 
 
 class Cluster(Backend):
-    """The workers of a Dask scheduler at an address such as ``"tcp://10.0.0.1:8786"``, each of which must
-    be able to load what some jobs have in common.
+    """The workers of a Dask scheduler at an address such as ``"tcp://10.0.0.1:8786"``, each of which can
+    load what some jobs have in common.
 
     Raises:
         MobmanError: If Dask is not installed, or nothing answers at the address.

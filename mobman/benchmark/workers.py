@@ -63,6 +63,9 @@ class Workers(ThreadPoolExecutor):
             self._idle = [self._start()]
         except (OSError, EOFError, WorkerLostError) as error:
             raise MobmanError(_NO_START) from error
+        except BaseException:  # such as Ctrl-C meanwhile
+            self.shutdown(wait=False)
+            raise
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> Future[Any]:  # type: ignore[override]
         """Call a function in a process.
@@ -127,15 +130,15 @@ class _Worker:
             TimeoutError: If it said nothing.
             WorkerLostError: If it ended before.
         """
-        sentinel = self._process.sentinel
-        ready = wait([self._pipe, sentinel], seconds)
+        ready = wait([self._pipe, self._process.sentinel], seconds)
         if not ready:
             self.end()
             raise TimeoutError
         with contextlib.suppress(EOFError, OSError):
             if self._pipe in ready or self._pipe.poll():  # what it sent last is still read
                 return self._pipe.recv()
-        wait([sentinel], _END)
+        with _lock:
+            self._process.join(_END)
         raise WorkerLostError(_how(self.end()))
 
     def end(self) -> int | None:

@@ -135,7 +135,7 @@ def test_a_suite_that_is_killed_again_and_again_ends_like_an_undisturbed_one(
 ):
     chance = random.Random(5)
     for _ in range(kills):
-        process = start(0.2, 6, "--workers", "2")
+        process = start(0.2, 4 * kills + 2, "--workers", "2")  # some are left whenever it is killed
         until_first_run(process)
         time.sleep(chance.uniform(0.0, 0.08))
         process.kill()
