@@ -1,14 +1,18 @@
-"""Results of a suite as one table, a row a run."""
+"""Results of a suite as one table, a row a run; and joining folders of results."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import pandas as pd
 
-from mobman.benchmark.store import Store
-from mobman.errors import RecordError
+from mobman.benchmark.store import SCHEMA_VERSION, Store
+from mobman.errors import MobmanError, RecordError, UsageError
+from mobman.simulation.run_spec import RunSpec
 
 
 def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
@@ -59,3 +63,70 @@ def load_results(folder: str | os.PathLike[str]) -> pd.DataFrame:
             row |= {f"singular_{name}": value for name, value in found.singularity.items()}
         rows.append(row)
     return pd.DataFrame(rows).set_index("run_id")
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Result of joining folders."""
+
+    asked: int  # runs of the folders together
+    there: int  # those whose record is in the joined folder
+    copied: int
+    unusable: list[str]  # records that cannot be read, and why; they were left out
+    conflicts: list[str]
+    """Runs that two folders have with different results; the first one's is kept."""
+
+
+def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str]) -> Merged:
+    """Join folders of one suite's results, from several machines for instance, in another folder, which
+    may be new, or hold results of the suite; they are left as they are.
+
+    Raises:
+        MobmanError: If a folder holds no results, or another suite's, or ``into`` cannot be written.
+        UsageError: If there is no folder to join.
+    """
+    if isinstance(folders, str) or not folders:
+        raise UsageError(f"folders = {folders!r}: must be a list of one folder or more")
+    sources, target = [Store(folder) for folder in folders], Store(into)
+    if target.exists:
+        sources.insert(0, target)
+    manifests = {source: source.manifest for source in sources}
+    names = {own.suite.name: source.folder for source, own in manifests.items()}
+    if len(names) > 1:
+        found = ", ".join(f"{name!r} in {folder}" for name, folder in names.items())
+        raise MobmanError(f"these are results of different suites: {found}")
+    for source, manifest in manifests.items():
+        if manifest.schema_version != SCHEMA_VERSION:
+            raise MobmanError(
+                f"{source.folder} holds results made by an earlier mobman (schema "
+                f"{manifest.schema_version}), which are not joined with others"
+            )
+    runs: dict[str, RunSpec] = {}
+    for run in chain.from_iterable(manifest.runs for manifest in manifests.values()):
+        runs.setdefault(run.run_id, run)
+    target.begin(manifests[sources[0]].suite, runs.values())
+    copied, unusable, conflicts = 0, [], []
+    for source in sources:
+        for run in manifests[source].runs if source is not target else ():
+            if not os.path.lexists(source.path(run)):
+                continue
+            try:
+                new = source.summary(run)
+            except RecordError as error:
+                unusable.append(str(error))
+                continue
+            if not target.done(run):
+                target.keep(run, source.path(run).read_bytes())
+                copied += 1
+            elif target.summary(run).state_sha256 != new.state_sha256:
+                conflicts.append(f"{run}: {target.path(run)} and {source.path(run)} differ")
+        for failure in source.failures if source is not target else ():
+            lost = runs.get(failure.run_id)
+            if lost is not None and not target.done(lost):
+                target.fail(lost, failure.reason)
+    seconds = sum(manifest.seconds or 0.0 for manifest in manifests.values())
+    workers = sum(manifest.workers or 0 for manifest in manifests.values())
+    target.write(replace(target.manifest, seconds=seconds or None, workers=workers or None))
+    target.finish()
+    there = sum(target.done(run) for run in runs.values())
+    return Merged(len(runs), there, copied, unusable, conflicts)

@@ -1,4 +1,4 @@
-"""Folders of results: one file a run, a manifest, and an index; and joining them."""
+"""Folders of results: one file a run, a manifest, and an index."""
 
 from __future__ import annotations
 
@@ -6,27 +6,117 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from itertools import chain
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import h5py
 import numpy as np
 
-from mobman.benchmark.manifest import NAME, SCHEMA_VERSION, Manifest, read_manifest
 from mobman.benchmark.suite import Suite
-from mobman.errors import MobmanError, RecordError, SpecError, UsageError
+from mobman.errors import MobmanError, RecordError, SpecError
 from mobman.files import as_path, check_within, is_abandoned, read_within, sync_folder, write_whole
 from mobman.provenance import COMPUTING, versions
 from mobman.simulation.record import Record, RecordSummary, load_record, read_summary
 from mobman.simulation.run_spec import RunSpec
 
+SCHEMA_VERSION = 3
+EARLIER = (2,)  # schemas that are read and shown, and not added to
+_MANIFEST = "suite.json"
+_MEGABYTES = 200.0  # 10,000 runs take some 5 MB
+_ADVICE = (
+    "Run the suite again, into another folder, or into this one without that file: runs that are there "
+    "and still fit are used"
+)
+_SHARED = ("gains", "settings", "task_given", "task_parameters", "scenario")
 _OF_RUNS = ("run_id", "label", "robot", "task", "family")  # texts of the index
 _OF_RECORDS = ("status", "message", "state_sha256")
 _COMPARED = ("law", "seed", "dt", "duration", "task_parameters", "scenario", "monitor")
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """``suite.json``: the runs of a suite, the time that they took, and the hashes of their records."""
+
+    suite: Suite
+    runs: tuple[RunSpec, ...]  # in the suite's order
+    seconds: float | None = None  # time that its runs took altogether (s); None if none was done
+    workers: int | None = None  # number of workers of the last call
+    hashes: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of records' files, by run id; of those that were done when a call ended."""
+    schema_version: int = SCHEMA_VERSION
+
+    def write(self, folder: Path) -> None:
+        """
+        Raises:
+            OSError: If it cannot be written; one that is there is left as it was.
+        """
+        shared: dict[str, int] = {}  # tables that thousands of runs have in common, each once
+
+        def place(table: dict[str, Any]) -> int:
+            return shared.setdefault(json.dumps(table, sort_keys=True, default=str), len(shared))
+
+        runs = [
+            {
+                k: place(value) if isinstance(value, dict) else value
+                for k, value in run.as_dict().items()
+            }
+            for run in self.runs
+        ]
+        content = {
+            "schema_version": SCHEMA_VERSION,
+            "suite": self.suite.model_dump(mode="json", by_alias=True),
+            "seconds": self.seconds,
+            "workers": self.workers,
+            "runs": runs,
+            "shared": [json.loads(text) for text in shared],
+            "records": dict(self.hashes),
+        }
+        write_whole(folder / _MANIFEST, json.dumps(content).encode())
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """The manifest of a folder.
+
+        Raises:
+            MobmanError: If there is none, or it is not whole, or of another schema.
+        """
+        path = folder / _MANIFEST
+        try:
+            if folder.exists() and not folder.is_dir():
+                raise MobmanError(f"{folder} is not a folder of results: it is a file")
+            if not os.path.lexists(path):
+                raise MobmanError(f"{folder} holds no results: there is no {_MANIFEST}")
+            content = json.loads(read_within(path, folder, "manifest", _MEGABYTES))
+        except OSError as error:
+            raise MobmanError(f"cannot read {path}: {error.strerror or error}") from error
+        except SpecError as error:
+            raise MobmanError(str(error)) from error
+        except (ValueError, RecursionError) as error:
+            raise MobmanError(f"cannot read {path}: it is not JSON ({error}). {_ADVICE}") from error
+        version = content.get("schema_version") if isinstance(content, dict) else None
+        if version not in (*EARLIER, SCHEMA_VERSION):
+            this = f"this mobman reads version {SCHEMA_VERSION}"
+            raise MobmanError(f"{path} has schema version {version}; {this}. {_ADVICE}")
+        try:
+            parts = content["shared"]
+            runs = [
+                RunSpec.of_fields({k: parts[v] if k in _SHARED else v for k, v in run.items()})
+                for run in content["runs"]
+            ]
+            suite = Suite.model_validate(content["suite"])
+            seconds, workers = content["seconds"], content["workers"]
+            for name, value in (("seconds", seconds), ("workers", workers)):
+                if value is not None and not (type(value) in (int, float) and 0 <= value < 1e12):
+                    raise ValueError(f"{name} is {value!r}")
+            hashes = {str(key): str(value) for key, value in content.get("records", {}).items()}
+            return cls(suite, tuple(runs), seconds, workers, hashes, version)
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, MobmanError) as error:
+            raise MobmanError(
+                f"{path} is not whole ({type(error).__name__}: {error}). {_ADVICE}"
+            ) from error
 
 
 class Failure(NamedTuple):
@@ -65,8 +155,8 @@ class Store:
                 cannot be written.
         """
         manifest = Manifest(suite, tuple(runs))
-        if (self.folder / NAME).exists():
-            before = read_manifest(self.folder)
+        if self.exists:
+            before = self.manifest
             if before.schema_version != SCHEMA_VERSION:
                 raise MobmanError(
                     f"{self.folder} holds results made by an earlier mobman (schema "
@@ -85,7 +175,7 @@ class Store:
             for name in ("runs", "failures", "figures", "."):
                 for leftover in filter(is_abandoned, (self.folder / name).glob(".*.tmp")):
                     leftover.unlink(missing_ok=True)
-            self._write(manifest)
+            self.write(manifest)
             sync_folder(self.folder.absolute().parent)
 
     def keep(self, run: RunSpec, content: bytes) -> None:
@@ -119,13 +209,18 @@ class Store:
         after = replace(self.manifest, hashes=dict(self._known_hashes))
         if seconds is not None:
             after = replace(after, seconds=seconds + (after.seconds or 0.0), workers=workers)
-        self._write(after)
+        self.write(after)
         self.rebuild_index()
+
+    @property
+    def exists(self) -> bool:
+        """True if the folder holds results."""
+        return (self.folder / _MANIFEST).exists()
 
     @property
     def manifest(self) -> Manifest:
         """The manifest of the folder; a MobmanError if it holds no results."""
-        return read_manifest(self.folder)
+        return Manifest.read(self.folder)
 
     @property
     def runs(self) -> tuple[RunSpec, ...]:
@@ -222,7 +317,7 @@ class Store:
                 self._failure(run.run_id).unlink(missing_ok=True)
                 self._known_hashes.pop(run.run_id, None)
         if not any(self.path(run).exists() for run in self.runs):
-            self._write(replace(self.manifest, seconds=None, workers=None))
+            self.write(replace(self.manifest, seconds=None, workers=None))
 
     def rebuild_index(self) -> Path:
         """Write ``index.h5`` again: a link to every record, and a table of specs and metrics."""
@@ -237,14 +332,14 @@ class Store:
     @property
     def _known_hashes(self) -> dict[str, str]:
         if self._hashes is None:
-            there = (self.folder / NAME).exists()
-            self._hashes = dict(read_manifest(self.folder).hashes) if there else {}
+            self._hashes = dict(self.manifest.hashes) if self.exists else {}
         return self._hashes
 
     def _failure(self, run_id: str) -> Path:
         return self.folder / "failures" / f"{run_id}.json"
 
-    def _write(self, manifest: Manifest) -> None:
+    def write(self, manifest: Manifest) -> None:
+        """Write the manifest."""
         with self._writing():
             manifest.write(self.folder)
 
@@ -263,11 +358,11 @@ def require_record_of(run: RunSpec, summary: RecordSummary, path: Path) -> None:
         RecordError: If a record is another run's, by what it says of the run.
     """
     found, asked = dict(summary.spec), run.as_dict()
-    # a law of one's own may report other settings than its gains
+    # a law of one's own may report other settings than its gains; what is None or "auto" becomes a number
+    given = {name: value for name, value in run.settings.items() if value not in (None, "auto")}
     gains = dict(found.get("gains") or {})
-    both = {name for name in gains.keys() & run.settings.keys() if _is_given(run.settings[name])}
-    found["gains"] = {name: gains[name] for name in both}
-    asked["gains"] = {name: run.settings[name] for name in both}
+    found["gains"] = {name: gains[name] for name in gains.keys() & given.keys()}
+    asked["gains"] = {name: given[name] for name in gains.keys() & given.keys()}
     for name in (*_COMPARED, "gains"):
         there, here = (json.dumps(d.get(name), sort_keys=True, default=str) for d in (found, asked))
         if there != here:
@@ -275,11 +370,6 @@ def require_record_of(run: RunSpec, summary: RecordSummary, path: Path) -> None:
                 f"{path} is another run's record: its {name.replace('_', ' ')} is {there[:80]}, where "
                 f"the suite asks for {here[:80]}"
             )
-
-
-def _is_given(gain: Any) -> bool:
-    """False for a gain that becomes a number, or the robot's default, when a run begins."""
-    return gain is not None and gain != "auto"
 
 
 def _state(path: Path) -> tuple[int, int]:
@@ -314,70 +404,3 @@ def _index(rows: Sequence[tuple[RunSpec, RecordSummary]]) -> bytes:
         for name in sorted({name for record in records for name in record.metrics}):
             metrics[name] = np.array([record.metrics.get(name, np.nan) for record in records])
     return content.getvalue()
-
-
-@dataclass(frozen=True)
-class Merged:
-    """Result of joining folders."""
-
-    asked: int  # runs of the folders together
-    there: int  # those whose record is in the joined folder
-    copied: int
-    unusable: list[str]  # records that cannot be read, and why; they were left out
-    conflicts: list[str]
-    """Runs that two folders have with different results; the first one's is kept."""
-
-
-def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str]) -> Merged:
-    """Join folders of one suite's results, from several machines for instance, in another folder, which
-    may be new, or hold results of the suite; they are left as they are.
-
-    Raises:
-        MobmanError: If a folder holds no results, or another suite's, or ``into`` cannot be written.
-        UsageError: If there is no folder to join.
-    """
-    if isinstance(folders, str) or not folders:
-        raise UsageError(f"folders = {folders!r}: must be a list of one folder or more")
-    sources, target = [Store(folder) for folder in folders], Store(into)
-    if (target.folder / NAME).exists():
-        sources.insert(0, target)
-    manifests = {source: source.manifest for source in sources}
-    names = {own.suite.name: source.folder for source, own in manifests.items()}
-    if len(names) > 1:
-        found = ", ".join(f"{name!r} in {folder}" for name, folder in names.items())
-        raise MobmanError(f"these are results of different suites: {found}")
-    for source, manifest in manifests.items():
-        if manifest.schema_version != SCHEMA_VERSION:
-            raise MobmanError(
-                f"{source.folder} holds results made by an earlier mobman (schema "
-                f"{manifest.schema_version}), which are not joined with others"
-            )
-    runs: dict[str, RunSpec] = {}
-    for run in chain.from_iterable(manifest.runs for manifest in manifests.values()):
-        runs.setdefault(run.run_id, run)
-    target.begin(manifests[sources[0]].suite, runs.values())
-    copied, unusable, conflicts = 0, [], []
-    for source in sources:
-        for run in manifests[source].runs if source is not target else ():
-            if not os.path.lexists(source.path(run)):
-                continue
-            try:
-                new = source.summary(run)
-            except RecordError as error:
-                unusable.append(str(error))
-                continue
-            if not target.done(run):
-                target.keep(run, source.path(run).read_bytes())
-                copied += 1
-            elif target.summary(run).state_sha256 != new.state_sha256:
-                conflicts.append(f"{run}: {target.path(run)} and {source.path(run)} differ")
-        for failure in source.failures if source is not target else ():
-            lost = runs.get(failure.run_id)
-            if lost is not None and not target.done(lost):
-                target.fail(lost, failure.reason)
-    seconds = sum(manifest.seconds or 0.0 for manifest in manifests.values())
-    workers = sum(manifest.workers or 0 for manifest in manifests.values())
-    target._write(replace(target.manifest, seconds=seconds or None, workers=workers or None))
-    target.finish()
-    there = sum(target.done(run) for run in runs.values())
-    return Merged(len(runs), there, copied, unusable, conflicts)

@@ -361,7 +361,7 @@ def merge_command(folders: tuple[Path, ...], output: Path, as_json: bool) -> Non
     The folders are left as they are. Exit status 1 if a record could not be read, or two folders
     have different results for one run.
     """
-    from mobman.benchmark.store import merge
+    from mobman.benchmark.results import merge
 
     merged = merge(folders, output)
     for message in merged.unusable:

@@ -16,9 +16,9 @@ from support.suites import bits, run_suite, small_suite, suite_of
 
 import mobman as mm
 from mobman.benchmark import store as store_module
-from mobman.benchmark.manifest import read_manifest
 from mobman.benchmark.report.data import read_results
-from mobman.benchmark.store import Store, merge
+from mobman.benchmark.results import merge
+from mobman.benchmark.store import Manifest, Store
 from mobman.benchmark.suite import load_suite
 from mobman.cli.main import mobman as command
 from mobman.errors import MobmanError, RecordError, UsageError
@@ -64,7 +64,7 @@ def filled(folder, suite, runs, contents, which=slice(None)):
 
 def test_what_was_asked_for_is_read_back(tmp_path, suite, runs):
     Store(tmp_path).begin(suite, runs)
-    manifest = read_manifest(tmp_path)
+    manifest = Manifest.read(tmp_path)
     assert manifest.suite == suite
     assert manifest.runs == tuple(runs)
     assert [run.run_id for run in manifest.runs] == [run.run_id for run in runs]
@@ -74,7 +74,7 @@ def test_tables_that_runs_share_are_kept_once(tmp_path, suite, runs):
     Store(tmp_path).begin(suite, runs)
     text = (tmp_path / "suite.json").read_text()
     assert text.count('"disturbances": [{') == 1
-    first, second = read_manifest(tmp_path).runs[:2]
+    first, second = Manifest.read(tmp_path).runs[:2]
     assert first.scenario is second.scenario
 
 
@@ -170,7 +170,7 @@ def test_another_suites_folder_is_refused(tmp_path, suite, runs):
 def test_a_spoilt_manifest_is_told_plainly(tmp_path, content, message):
     (tmp_path / "suite.json").write_text(content)
     with pytest.raises(MobmanError, match=message) as error:
-        read_manifest(tmp_path)
+        Manifest.read(tmp_path)
     assert "suite.json" in str(error.value)
 
 
@@ -277,7 +277,7 @@ def test_nothing_to_join_is_told(tmp_path, folders):
 def test_a_file_is_no_folder_of_results(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(MobmanError, match="it is a file"):
-        read_manifest(tmp_path / "file")
+        Manifest.read(tmp_path / "file")
 
 
 def test_other_suites_are_not_joined(tmp_path, suite, runs, contents):
