@@ -358,7 +358,7 @@ def require_record_of(run: RunSpec, summary: RecordSummary, path: Path) -> None:
         RecordError: If a record is another run's, by what it says of the run.
     """
     found, asked = dict(summary.spec), run.as_dict()
-    # a law of one's own may report other settings than its gains; what is None or "auto" becomes a number
+    # a law of one's own may report other settings than its gains; None and "auto" become numbers
     given = {name: value for name, value in run.settings.items() if value not in (None, "auto")}
     gains = dict(found.get("gains") or {})
     found["gains"] = {name: gains[name] for name in gains.keys() & given.keys()}
