@@ -11,7 +11,7 @@ import numpy as np
 from mobman.arrays import Array
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.paths import Harmonics, place_of, placed
-from mobman.tasks.task import NOT_ZERO, parameter, tasks
+from mobman.tasks.task import NOT_ZERO, Three, parameter, tasks
 
 _NONE = (0.0, 0.0, 0.0)
 _SLENDERNESS = 0.6  # of the ellipse: its width over its length
@@ -110,9 +110,7 @@ def lissajous(
             max_length=3,
         ),
     ] = None,
-    phases: Annotated[
-        Sequence[float], parameter("rad", "of the three axes", min_length=3, max_length=3)
-    ] = (0.0, 0.5 * math.pi, 0.0),
+    phases: Annotated[Three, parameter("rad", "of the three axes")] = (0.0, 0.5 * math.pi, 0.0),
     rate: Annotated[
         float,
         parameter("rad/s", "2 pi over the period, where the frequencies are coprime"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -11,7 +10,7 @@ from mobman.arrays import Array
 from mobman.errors import UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.paths import PAUSE, TRAVEL, Pause, PointToPoint, Travel, excursion, place_of
-from mobman.tasks.task import parameter, tasks
+from mobman.tasks.task import Three, parameter, tasks
 
 
 @tasks.register("line")
@@ -20,12 +19,10 @@ def line(
     q0: Array,
     *,
     displacement: Annotated[
-        Sequence[float] | None,
+        Three | None,
         parameter(
             "m",
             "ahead, left and up; 1 m ahead, on a fixed base 0.3 times the tip's distance towards it",
-            min_length=3,
-            max_length=3,
         ),
     ] = None,
     travel: Travel = TRAVEL,

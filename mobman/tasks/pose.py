@@ -25,7 +25,7 @@ from mobman.tasks.paths import (
     rest_to_rest,
     triple,
 )
-from mobman.tasks.task import parameter, tasks
+from mobman.tasks.task import Three, parameter, tasks
 
 _TURN = 0.5  # rad, by default
 
@@ -84,13 +84,11 @@ def pose(
     q0: Array,
     *,
     position: Annotated[
-        Sequence[float] | None,
+        Three | None,
         parameter(
             "m",
             "of the last pose in world axes; 0.5 m ahead of the tip, on a fixed base 0.15 times its "
             "distance towards it",
-            min_length=3,
-            max_length=3,
         ),
     ] = None,
     orientation: Annotated[

@@ -7,7 +7,7 @@ import difflib
 import inspect
 import sys
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
@@ -156,6 +156,8 @@ def _of_a_size(value: Any) -> Any:
 
 NOT_ZERO = AfterValidator(_not_zero)
 """Annotation of a parameter that may be positive or negative."""
+Three = Annotated[Sequence[float], Field(min_length=3, max_length=3)]
+"""A parameter of three numbers."""
 
 
 def parameters_of(name: str) -> list[Parameter]:

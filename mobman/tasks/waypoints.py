@@ -109,41 +109,37 @@ class Spline(KernelPath):
         orders: dict[int, tuple[int, ...]] = {7: (1, 2, 3), 5: (3, 4), 1: ()}  # 0 at the ends
         edge = [(order, np.zeros(points.shape[1])) for order in orders[degree]]
         ends: Any = (edge, edge) if edge else None
-        try:
-            with np.errstate(all="ignore"):
-                spline = make_interp_spline(knots, points, k=degree, bc_type=ends)
-        except (ValueError, np.linalg.LinAlgError) as error:
-            raise self._uneven(f": {error}") from error
+        spline = make_interp_spline(knots, points, k=degree, bc_type=ends)
         rates = [spline(knots[:-1], nu) / math.factorial(nu) for nu in range(degree, -1, -1)]
         return knots, np.stack(rates, axis=1)
 
-    def _uneven(self, found: str) -> UsageError:
-        gaps = np.diff(self.knots)
-        return UsageError(
-            f"task {self.name!r}: the spline does not pass its points{found}; the distances from one to "
+    def _between(self, share: float) -> Array:
+        """Points at a share of the way from each knot to the next, shape (n - 1, width)."""
+        knots, pieces = self._pieces
+        powers = np.arange(pieces.shape[1])[::-1]
+        steps = (share * np.diff(knots)[:, None]) ** powers
+        return np.asarray(np.einsum("npj,np->nj", pieces, steps))
+
+    def _check_spline(self) -> None:
+        points, gaps = np.array(self.points), np.diff(self.knots)
+        try:
+            with np.errstate(all="ignore"):
+                found = np.concatenate([self._pieces[1][:, -1], self._between(1.0)])
+                error = np.abs(found - np.concatenate([points[:-1], points[1:]])).max()
+            if error <= _TIGHT * (1.0 + np.abs(points).max()):
+                return
+            fault = f", by {error:.3g}"
+        except (ValueError, np.linalg.LinAlgError) as problem:
+            fault = f": {problem}"
+        raise UsageError(
+            f"task {self.name!r}: the spline does not pass its points{fault}; the distances from one to "
             f"the next are {gaps.min():.3g} to {gaps.max():.3g} {'m' if self.travel else 's'}; needed: "
             "more even ones"
         )
 
-    def _check_spline(self) -> None:
-        knots, pieces = self._pieces
-        points, powers = np.array(self.points), np.arange(pieces.shape[1])[::-1]
-        with np.errstate(all="ignore"):
-            ends = np.einsum("npj,np->nj", pieces, np.diff(knots)[:, None] ** powers)
-            found = np.concatenate([pieces[:, -1], ends])
-            error = np.abs(found - np.concatenate([points[:-1], points[1:]])).max()
-        if not error <= _TIGHT * (1.0 + np.abs(points).max()):
-            raise self._uneven(f", by {error:.3g}")
-
     def _kernel(self) -> tuple[Any, ...]:
-        work = np.zeros((4, self.width))
-        return (
-            _spline,
-            np.array(self.span, dtype=float),
-            int(self.travel > 0.0),
-            *self._pieces,
-            work,
-        )
+        span, along = np.array(self.span, dtype=float), int(self.travel > 0.0)
+        return _spline, span, along, *self._pieces, np.zeros((4, self.width))
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,11 +162,8 @@ class PoseSpline(Spline):
                     f"{math.degrees(turn):.4g} degrees; allowed: {math.degrees(LARGEST_TURN):g} degrees "
                     "(put a point in between)"
                 )
-        knots, pieces = self._pieces
-        powers = np.arange(pieces.shape[1])[::-1]
         for share in np.arange(_SAMPLES) / _SAMPLES:
-            now = np.einsum("npj,np->nj", pieces, (share * np.diff(knots)[:, None]) ** powers)
-            short = np.linalg.norm(now[:, 3:], axis=1)
+            short = np.linalg.norm(self._between(share)[:, 3:], axis=1)
             if short.min() < _SHORTEST:
                 i = int(short.argmin())
                 raise UsageError(
