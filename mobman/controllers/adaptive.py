@@ -16,9 +16,9 @@ from mobman.controllers.baselines import (
     tracking_acceleration,
 )
 from mobman.controllers.bounds import sampled_states
-from mobman.controllers.disturbance_rejection import StillAtLimits
 from mobman.controllers.gains import Positive, gain
 from mobman.controllers.protocol import controllers
+from mobman.controllers.robust import StillAtLimits
 from mobman.controllers.task_errors import Entry, Stop
 from mobman.linalg import dot, solve
 from mobman.model.dynamics import Buffers

@@ -56,16 +56,6 @@ class RedundancyGains(TrackingGains):
     k_d: NotNegative = gain(4.0, "s^-1", "null-space damping, -k_d z")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SecondaryGains(TrackingGains):
-    """Gains of a secondary task, z = z_0, which the tip does not see."""
-
-    k_d: Positive = gain(10.0, "s^-1", "rate at which z reaches z_0 where the tip does not see it")
-    k_0: NotNegative = gain(
-        2.0, "s^-1", "descent of the criterion in z_0, that of the stiffest motion"
-    )
-
-
 Kernels = tuple[Callable[..., Any], ...]
 
 

@@ -12,8 +12,8 @@ from mobman.controllers.baselines import computed_torque
 from mobman.controllers.gains import CriterionGains, NotNegative, Positive, gain, whole
 from mobman.controllers.motors import TorqueLimits
 from mobman.controllers.protocol import controllers
+from mobman.controllers.redundancy import LimitedProgram
 from mobman.controllers.task_errors import Entry, TaskSpace
-from mobman.controllers.whole_body_qp import LimitedProgram
 from mobman.errors import GainError
 from mobman.linalg import apply, gram
 from mobman.model.dynamics import Buffers
@@ -172,7 +172,7 @@ class PredictiveControl(LimitedProgram):
         f += (rho * h[:, None] * U + self._pull @ away).ravel()
         every, least, largest = map(np.concatenate, (A, lower, upper))
         soft = np.arange(len(least)) >= len(self._motors)
-        return self._solve(H, f, every, least, largest, soft).reshape(U.shape)
+        return self.solve(H, f, every, least, largest, soft).reshape(U.shape)
 
     def _torque_bounds(self) -> tuple[list[Array], list[Array], list[Array]]:
         """Rows and bounds of the torques of all intervals, the loop's present share included."""

@@ -9,7 +9,7 @@ import pytest
 from support.errors import largest_after
 
 import mobman as mm
-from mobman.controllers.sliding_surface import twist, unit_vector_acceleration
+from mobman.controllers.robust import twist, unit_vector_acceleration
 from mobman.controllers.task_errors import Tracking
 
 

@@ -9,7 +9,7 @@ import pytest
 from support.errors import largest_after
 
 import mobman as mm
-from mobman.controllers.disturbance_rejection import incremental_torque
+from mobman.controllers.robust import incremental_torque
 from mobman.errors import GainError
 
 LATE = mm.Scenario(name="late", actuation=[{"type": "delay", "delay": 1e-3}])

@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import nnls
 
 import mobman as mm
+from mobman.controllers.redundancy import JointBounds
 from mobman.controllers.task_errors import TaskSpace
-from mobman.controllers.whole_body_qp import JointBounds
 from mobman.model.criterion import Posture
 from mobman.model.metric import base_metric, unit_stiffness
 
