@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mobman.arrays import Matrix, Vector
-from mobman.compiled import bind, kernel, sequence
+from mobman.compiled import kernel, sequence
 from mobman.controllers.gains import CriterionGains, NotNegative, Positive, as_settings, gain
 from mobman.controllers.protocol import TaskSpaceLaw, controllers
 from mobman.controllers.task_errors import (
@@ -64,34 +62,27 @@ class ResolvedAcceleration(TaskSpaceLaw):
 
     A tick calls its ``kernels`` in order, once the task space and the nominal robot are evaluated:
     functions that return None, 0 or a :class:`Stop`, usually one that writes ``wanted``, one that makes
-    ``z_dot`` of it, and one that makes ``v`` of that. Their arguments are found in ``values`` by name:
+    ``z_dot`` of it, and one that makes ``v`` of that. Their arguments are found by their names among
+    those of :meth:`TaskSpaceLaw.begin`, what the law adds to them in :meth:`entries`, and
 
-    - the law's gains that are numbers, and ``dt``;
-    - ``at`` and ``J`` of the :class:`TaskSpace`, that of the extended task (13) if it is ``extended``;
-    - what :class:`mobman.model.dynamics.Buffers` has: ``M``, ``bias``, ``B``, ``C``, ``z``, ...;
-    - ``wanted``, the value wanted of J z', shape (p,); the acceleration ``z_dot`` that is chosen, the
-      ``measured`` one, and the torque ``v``, shape (nz,) each;
-    - ``force``, shape (nz,), and ``work``, shape (nz, nz), to compute in;
-    - what the law adds in :meth:`entries`.
+    - ``wanted``, the value wanted of J z', shape (p,);
+    - ``z_dot``, the acceleration that is chosen, and the torque ``v``, shape (nz,) each;
+    - ``force``, shape (nz,), and ``work``, shape (nz, nz), to compute in.
     """
 
     uses: tuple[str, ...] = ("M", "bias", "J'")
     kernels: Kernels
-    values: dict[str, Any]
 
     def reset(self, robot: MobileManipulator, task: Task, dt: float) -> None:
         """Start again, with the axes of e^a, integrals and estimates as new."""
         self._dt = dt
         self.criterion = self.gains.criterion(robot, task)
         self._settings = as_settings(self.gains) | {"K_F": self.criterion.weights.tolist()}
-        space = self._space = TaskSpace(robot, task, self.criterion if self.extended else None)
-        now, nz = space.now, robot.nz
-        z_dot, self._measured, self._v, force = np.zeros((4, nz))
-        gains = [(k, x) for k, x in vars(self.gains).items() if x is not None]
-        numbers = {k: float(x) for k, x in gains if np.ndim(x) == 0 and not isinstance(x, str)}
-        self.values = {**numbers, **vars(now), "at": space.tracking, "J": space.J, "dt": dt}
-        self.values |= {"wanted": np.zeros(space.p), "z_dot": z_dot, "measured": self._measured}
-        self.values |= {"v": self._v, "force": force, "work": np.zeros((nz, nz))}
+        self.begin(TaskSpace(robot, task, self.criterion if self.extended else None), dt)
+        now, nz = self._space.now, robot.nz
+        z_dot, self._v, force = np.zeros((3, nz))
+        self.values |= {"wanted": np.zeros(self._space.p), "z_dot": z_dot, "v": self._v}
+        self.values |= {"force": force, "work": np.zeros((nz, nz))}
         with_bias = "bias" in self.uses
         self._run = now.run_dynamics if with_bias else now.run_inertia
         terms = [now.inertia, now.bias_terms] if with_bias else [now.inertia]
@@ -100,15 +91,6 @@ class ResolvedAcceleration(TaskSpaceLaw):
     def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
         """The kernels with their arguments, and what else a law calls in a tick."""
         return [self.entry(function) for function in self.kernels]
-
-    def entry(self, function: Callable[..., Any]) -> Entry:
-        """A kernel with its arguments, by their names."""
-        return bind(function, *(self.values[name] for name in _parameters(function)))
-
-
-@functools.cache
-def _parameters(function: Callable[..., Any]) -> tuple[str, ...]:
-    return tuple(inspect.signature(function).parameters)
 
 
 @kernel

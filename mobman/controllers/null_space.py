@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
-from mobman.compiled import bind, kernel
+from mobman.compiled import kernel
 from mobman.controllers.gains import NotNegative, Positive, gain
 from mobman.controllers.protocol import controllers
 from mobman.controllers.task_errors import Entry, Stop, Tracking
@@ -37,6 +37,7 @@ from mobman.linalg import apply, apply_transpose, cholesky, cholesky_solve, copy
 from mobman.model.criterion import criterion_entry
 from mobman.model.metric import base_metric, unit_stiffness
 from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.tasks.task import Task
 
 _DAMPING = 1e-8
 """Damping of the projector, over a mean eigenvalue of j_e Omega j_e^T. Where j_e loses rank it
@@ -77,15 +78,15 @@ class NullSpaceSlidingMode(TerminalSlidingMode):
     def metric(self, robot: MobileManipulator) -> Array:
         return base_metric(robot)
 
-    def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> list[Entry]:
-        gains, now, p, nq, nz = self.gains, self._now, self._space.p, robot.nq, robot.nz
+    def _reference(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        now, p, nq, nz = self._space.now, self._space.p, robot.nq, robot.nz
         g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
         work = (np.zeros((p, nz)), np.zeros((p, p)), np.zeros(nz), np.zeros(p))
         descent = Descent(base_metric(robot), now.C, g, *work)
-        k_0 = float(gains.k_0) * unit_stiffness(robot, self.criterion)
+        k_0 = self.values["k_0"] * unit_stiffness(robot, self.criterion)
         return [
             criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate),
-            bind(null_space_stage, *stage, descent, float(gains.kappa), float(gains.k_v), k_0),
+            self.entry(null_space_stage, descent=descent, k_0=k_0),
         ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import math
 from collections.abc import Callable, Mapping
 from numbers import Real
@@ -12,6 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from mobman.arrays import Array
+from mobman.compiled import bind
 from mobman.controllers.gains import as_settings
 from mobman.controllers.task_errors import Entry, Stop, TaskSpace
 from mobman.display import Displayed, Shown, line_of
@@ -176,11 +178,10 @@ class TaskSpaceLaw(Displayed):
     extended = False
     """True if e = (e^e, e^a) of (13) is driven to zero, the tip's errors and the criterion's
     transversality conditions; False if it is e^e alone."""
-    _space: TaskSpace
+    values: dict[str, Any]
+    """Arguments of kernels by their names, see :meth:`begin`."""
     _run: Callable[[], None]
     """Pinocchio's part of the model, as far as the law needs it."""
-    _measured: Array
-    """z' as it is given, shape (nz,)."""
     _law: Entry
     """What a tick computes, up to ``_v``."""
     _v: Array
@@ -204,6 +205,23 @@ class TaskSpaceLaw(Displayed):
     def __init__(self, gains: Any) -> None:
         self.gains = gains
         self._settings: dict[str, Any] = as_settings(gains)
+
+    def begin(self, space: TaskSpace, dt: float) -> None:
+        """Keep a task space, and what there is at a tick as ``values``: the gains that are numbers,
+        ``dt``, ``at`` and ``J`` of the space, what its :class:`mobman.model.dynamics.Buffers` has
+        (``M``, ``bias``, ``B``, ``C``, ``z``, ...), and the z' that is given, ``measured``, shape (nz,).
+        """
+        self._space, self._measured = space, np.zeros(len(space.now.z))
+        gains: dict[str, Any] = vars(self.gains)
+        known = {k: x for k, x in gains.items() if isinstance(x, Real | np.ndarray)}
+        numbers = {k: float(x) for k, x in known.items() if getattr(x, "ndim", 0) == 0}
+        self.values = {**numbers, **vars(space.now), "at": space.tracking, "J": space.J, "dt": dt}
+        self.values["measured"] = self._measured
+
+    def entry(self, function: Callable[..., Any], **own: Any) -> Entry:
+        """A kernel with its arguments, which are found by their names, first in ``own``."""
+        values = self.values | own
+        return bind(function, *(values[name] for name in _parameters(function)))
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque v for the tick, shape (nz,); see :class:`Controller`."""
@@ -237,3 +255,8 @@ class TaskSpaceLaw(Displayed):
         defaults = type(self.gains)()
         given = {name: v for name, v in values.items() if v != getattr(defaults, name)}
         return Shown(line_of(type(self).__name__, self.name, given), values)
+
+
+@functools.cache
+def _parameters(function: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)

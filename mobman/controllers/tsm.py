@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 
 from mobman.arrays import Array, Matrix, Vector
-from mobman.compiled import bind, kernel, sequence
+from mobman.compiled import kernel, sequence
 from mobman.controllers.bounds import (
     actuation_bound,
     computed_bounds,
@@ -420,38 +420,31 @@ class TerminalSlidingMode(LimitedMotors, TaskSpaceLaw):
         Raises:
             GainError: If a gain has the wrong length for the robot.
         """
-        self._task = task
         self.criterion = self.gains.criterion(robot, task)
         gains = self._used = self._with_bounds(robot, task)
-        space = self._space = self.task_space(robot, task)
+        self.begin(self.task_space(robot, task), dt)
         a, A = self._bounds(robot, task)
         K_F = self.criterion.weights.tolist()
         self._settings = as_settings(gains) | {"a": a, "A": A, "K_F": K_F}
         self._settings["metric_scale"] = metric_scale(gains)
-        limits = np.full(robot.nz, np.inf)
+        now, nz, names = self._space.now, robot.nz, ("lambda_0", "lambda_1", "lambda_2")
+        kinematic = self._kinematic = SlidingStage.of(gains, self._space.p, *names)
+        dynamic = self._dynamic = SlidingStage.of(gains, nz, "Lambda_0", "Lambda_1")
+        held = self._held = Held(*np.zeros((5, nz)))
+        self._v, self._run = held.v, now.run_inertia
+        self.values |= {"gains": in_force(gains, dt, a, A, self.inverse_actuation), "held": held}
+        self.values |= {"kinematic": kinematic, "dynamic": dynamic, "stage": kinematic}
+        self.values |= {"z_dot": self._measured, "v": held.v, "q_rest": robot.q_rest}
+        entries = [now.inertia, *self._reference(robot, task)]
+        if gains.delay_ticks:
+            under_way = UnderWay.of(gains.delay_ticks, nz)
+            entries.append(self.entry(predict_acceleration, under_way=under_way))
+        entries += [self.entry(dynamic_stage, stage=dynamic), self.entry(integrate)]
         if gains.saturation == "hedge":
             limits = self.torque_limits(robot, gains.torque_limits)
             self._settings["torque_limits"] = plain_limits(limits)
-        now, nz = space.now, robot.nz
-        self._now, self._run, self._measured = now, now.run_inertia, np.zeros(nz)
-        kinematic = self._kinematic = SlidingStage.of(
-            gains, space.p, "lambda_0", "lambda_1", "lambda_2"
-        )
-        dynamic = self._dynamic = SlidingStage.of(gains, nz, "Lambda_0", "Lambda_1")
-        held = self._held = Held(*np.zeros((5, nz)))
-        self._v = held.v
-        k = in_force(gains, dt, a, A, self.inverse_actuation)
-        motion = (now.z, self._measured, now.M, now.B)
-        entries = [
-            now.inertia,
-            *self._reference(robot, (k, kinematic, held, space.tracking, robot.q_rest)),
-            *self._prediction(),
-            bind(dynamic_stage, k, dynamic, held, *motion),
-            bind(integrate, k, kinematic, dynamic, held),
-        ]
-        if np.isfinite(limits).any():
-            given = (dt, limits, kinematic, held, space.J, *motion, Hedge.of(nz))
-            entries.append(bind(hedge, *given))
+            if np.isfinite(limits).any():
+                entries.append(self.entry(hedge, limit=limits, work=Hedge.of(nz)))
         self._law = sequence(*entries)
 
     def reference(self) -> tuple[Array, Array]:
@@ -478,22 +471,14 @@ class TerminalSlidingMode(LimitedMotors, TaskSpaceLaw):
             "sliding/z_dot": self._measured,
         }
 
-    def _reference(self, robot: MobileManipulator, stage: tuple[Any, ...]) -> list[Entry]:
-        """Entries that give v_ref', from the arguments of :func:`kinematic_stage`."""
+    def _reference(self, robot: MobileManipulator, task: Task) -> list[Entry]:
+        """Entries that give v_ref'."""
         if not self.gains.damping:
-            return [bind(kinematic_stage, *stage)]
-        tip = TaskSpace(robot, self._task)
-        bounds = self._settings["a"], jacobian_bound(robot, self._task, tip, self.metric(robot))
+            return [self.entry(kinematic_stage)]
+        tip = TaskSpace(robot, task)
+        bounds = self._settings["a"], jacobian_bound(robot, task, tip, self.metric(robot))
         own = Damping.of(float(self.gains.damping), bounds, self._space.p, robot.nz)
-        return [bind(damped_stage, *stage, own)]
-
-    def _prediction(self) -> list[Entry]:
-        """Entries that put the predicted z' in the place of the measured one."""
-        delay, now = self.gains.delay_ticks, self._now
-        if not delay:
-            return []
-        given = (self._held.v, now.M, now.B, self._measured)
-        return [bind(predict_acceleration, UnderWay.of(delay, len(self._measured)), *given)]
+        return [self.entry(damped_stage, own=own)]
 
     def _with_bounds(self, robot: MobileManipulator, task: Task) -> CascadeGains:
         """The gains, with the constants of the theorems computed where that is asked for."""
