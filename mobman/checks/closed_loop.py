@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.checks.checks import Finding, Findings, Subject, check, some, warning, wrong
@@ -82,17 +81,14 @@ def _start(subject: Subject) -> Iterator[Finding]:
 
 def _workspace(subject: Subject) -> tuple[float, float, float]:
     """Least and largest height of the tip, and its largest distance from the arm's first joint (m)."""
-    model, data, arm = subject.model, subject.model.createData(), subject.robot.arm.joints
-    chain = model.supports[model.getJointId(subject.carrier)]
-    first = next(i for i in chain if i and model.joints[i].idx_q in subject.arm)
+    robot, arm = subject.robot, subject.robot.arm.joints
     heights, distances = [], []
     for sampled, _ in subject.states(_SAMPLES):
         q = subject.home.copy()
         q[arm] = sampled[arm]
-        pin.forwardKinematics(model, data, q)
-        tip = np.array(pin.updateFramePlacement(model, data, subject.tip_frame).translation)
+        tip = np.array(robot.tip_pose(q).translation)
         heights.append(float(tip[2]))
-        distances.append(float(np.linalg.norm(tip - data.oMi[first].translation)))
+        distances.append(float(np.linalg.norm(tip - robot.arm_origin(q))))
     return min(heights), max(heights), max(distances)
 
 

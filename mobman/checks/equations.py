@@ -34,9 +34,7 @@ def constraints(subject: Subject) -> Findings:
         size = float(np.max(np.abs(a) @ np.abs(n), initial=0.0)) or 1.0
         residual = max(residual, float(np.max(np.abs(a @ n), initial=0.0)) / size)
         for name, matrix in (("A", a), ("N", n)):
-            largest = np.linalg.norm(matrix, 2) if matrix.size else 0.0
-            rank = np.linalg.matrix_rank(matrix, tol=_RANK * largest) if matrix.size else 0
-            ranks[name].add(int(rank))
+            ranks[name].add(int(np.linalg.matrix_rank(matrix, rtol=_RANK)) if matrix.size else 0)
     fix = f"check [platform] of {subject.name} (type {robot.spec.platform.type!r})"
     if not residual <= _RESIDUAL:
         yield wrong(f"A N is not 0 but up to {residual:.2g} of its terms, at random states", fix)
