@@ -42,6 +42,7 @@ EXTENSIONS = {
         "mobman.compiled.kernel",
         "mobman.compiled.bind",
         "mobman.controllers.task_errors.TaskSpace",
+        "mobman.controllers.baselines.ResolvedAcceleration",
     ),
     "Tasks": ("mobman.tasks.task.parameter", "mobman.tasks.task.tasks"),
     "Platforms": ("mobman.model.platforms.platform.Platform",),
