@@ -63,7 +63,7 @@ _metric(
     "velocity_limit_ratio",
     "1",
     "largest |q'| of a joint or wheel over its velocity limit; 0 without limits",
-)(lambda run: 0.0 if run.velocity_ratio is None else float(run.velocity_ratio.max()))
+)(lambda run: float(run.velocity_ratio.max()))
 _metric(
     "torque_limit_ratio", "1", "largest torque of a motor over its effort limit; 0 without limits"
 )(lambda run: float(_torque_ratio(run).max()))
@@ -76,10 +76,8 @@ _metric(
     short="share of ticks beyond a limit",
 )
 def time_beyond_limits(run: Run) -> float:
-    beyond = (_excess(run) > BEYOND) | (_torque_ratio(run) > 1.0 + BEYOND)
-    if run.velocity_ratio is not None:
-        beyond |= run.velocity_ratio > 1.0 + BEYOND
-    return float(np.mean(beyond))
+    fast, strong = (ratio > 1.0 + BEYOND for ratio in (run.velocity_ratio, _torque_ratio(run)))
+    return float(np.mean((_excess(run) > BEYOND) | fast | strong))
 
 
 # In words ----------------------------------------------------------------------------------------

@@ -55,16 +55,15 @@ class Run:
     task: Task
     task_map: TaskMap
     criterion: Criterion
-    limited: NDArray[np.bool_] | None = None
-    """At which ticks the commanded torque met a limit of the actuation, shape (N,); None without one."""
-    velocity_ratio: Array | None = None
-    """Largest |q'| of a joint over its limit at the ticks, shape (N,); None if it was not kept."""
+    limited: NDArray[np.bool_]
+    """At which ticks the commanded torque met a limit of the actuation, shape (N,)."""
+    velocity_ratio: Array
+    """Largest |q'| of a joint over its limit at the ticks, shape (N,); 0 without limits."""
     desired: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """p_d at the ticks (m), shape (N, min(m, 3))."""
-    ground: Mapping[str, Array] = field(default_factory=dict)
-    """Signals of the plant by name, N rows each; none of the ideal one."""
-    monitors: Mapping[str, Array] = field(default_factory=dict)
-    """Signals of a monitored law and what :mod:`mobman.simulation.monitors` makes of them; else none."""
+    signals: Mapping[str, Array] = field(default_factory=dict)
+    """By name, N rows each: those of a plant that is not the ideal one; those of a monitored law, and
+    what :mod:`mobman.simulation.monitors` makes of them."""
 
     @property
     def steady(self) -> Array:
@@ -326,7 +325,7 @@ _limits = partial(metric, section="limits")
 _limits(
     *("saturation_share", "1", "share of the ticks at which a commanded torque met a limit"),
     short="share of ticks at a torque limit",
-)(lambda run: 0.0 if run.limited is None else float(np.mean(run.limited)))
+)(lambda run: float(np.mean(run.limited)))
 
 
 @_limits(
@@ -335,24 +334,22 @@ _limits(
     "higher",
 )
 def saturation_start(run: Run) -> float:
-    if run.limited is None or not run.limited.any():
-        return run.duration
-    return float(run.t[np.argmax(run.limited)])
+    return float(run.t[np.argmax(run.limited)]) if run.limited.any() else run.duration
 
 
 # Ground: slip, grip, what lifts off, and where the tip is in truth --------------------------------
 
 _ground = partial(
-    metric, section="ground", early=math.inf, applies=lambda run: "contact/slip" in run.ground
+    metric, section="ground", early=math.inf, applies=lambda run: "contact/slip" in run.signals
 )
 _ground("slip_max", "m/s", "largest slip of a wheel", short="slip at most")(
-    lambda run: _largest(run.ground["contact/slip"])
+    lambda run: _largest(run.signals["contact/slip"])
 )
 _ground("slip_way", "m", "way that the wheel which slips most slips")(
-    lambda run: _largest(run.dt * run.ground["contact/slip"].sum(axis=0))
+    lambda run: _largest(run.dt * run.signals["contact/slip"].sum(axis=0))
 )
 _ground("wheel_lift", "m", "largest gap between a wheel and the ground", short="lift at most")(
-    lambda run: _largest(run.ground["contact/lift"])
+    lambda run: _largest(run.signals["contact/lift"])
 )
 
 
@@ -361,17 +358,17 @@ _ground("wheel_lift", "m", "largest gap between a wheel and the ground", short="
     short="friction over load at most",
 )
 def grip_used(run: Run) -> float:
-    normal, friction = run.ground["contact/normal"], run.ground["contact/friction"]
+    normal, friction = run.signals["contact/normal"], run.signals["contact/friction"]
     return _largest(np.divide(friction, normal, out=np.zeros_like(normal), where=normal > 0.0))
 
 
 @_ground(
     *("true_error_max", "m"),
     "largest error of the tip in the steady part, with what the platform tilts and sinks",
-    applies=lambda run: "contact/tip" in run.ground,
+    applies=lambda run: "contact/tip" in run.signals,
 )
 def true_error_max(run: Run) -> float:
-    away = run.ground["contact/tip"][:, : run.desired.shape[1]] - run.desired
+    away = run.signals["contact/tip"][:, : run.desired.shape[1]] - run.desired
     return _largest(np.linalg.norm(away[run.steady], axis=1))
 
 

@@ -272,11 +272,11 @@ def _add_metrics(stage: str) -> None:
         return metric(
             *(f"{name}_{stage}", unit, f"{stage} stage: {description}", better),
             section="theorems",
-            applies=lambda run: "monitors/margin_dynamic" in run.monitors,
+            applies=lambda run: "monitors/margin_dynamic" in run.signals,
         )
 
     def of(run: Run, name: str) -> Array:
-        return run.monitors[f"monitors/{name}_{stage}"]
+        return run.signals[f"monitors/{name}_{stage}"]
 
     add("gain_margin", "1", "least of what the gain gives over what is needed", "higher")(
         lambda run: least_of(of(run, "margin"))
@@ -285,10 +285,10 @@ def _add_metrics(stage: str) -> None:
         lambda run: least_of(of(run, "regularity"))
     )
     add("bound_ratio", "1", "largest left side of (41) or (53) over W or chi")(
-        lambda run: float(np.nanmax(bound_ratio(run.monitors, stage), initial=0.0))
+        lambda run: float(np.nanmax(bound_ratio(run.signals, stage), initial=0.0))
     )
     add("bound_exceeded", "1", "share of the ticks at which (41) or (53) does not hold")(
-        lambda run: float(np.mean(bound_ratio(run.monitors, stage) > 1.0))
+        lambda run: float(np.mean(bound_ratio(run.signals, stage) > 1.0))
     )
     add("off_manifold", "1", "share of the ticks at which the unit vector is not inside its ball")(
         lambda run: float(np.mean(of(run, "unit") >= BALL))
@@ -306,7 +306,7 @@ def _add_metrics(stage: str) -> None:
     @add("reaching_time", "s", "first time on the manifold; inf if it is not reached")
     def _(run: Run) -> float:
         """The unit vector is inside its ball, or the sliding variable has turned."""
-        s = run.monitors["sliding/s" if stage == "kinematic" else "sliding/S"]
+        s = run.signals["sliding/s" if stage == "kinematic" else "sliding/S"]
         turned = np.append(False, np.sum(s[1:] * s[:-1], axis=1) <= 0.0)
         reached = np.flatnonzero(turned | (of(run, "unit") < BALL))
         return float(run.t[reached[0]]) if len(reached) else math.inf

@@ -161,6 +161,7 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
     kept, status, message = samples.filled(), samples.status, samples.message
     orientation_error, torque = kept.pop("orientation_error"), kept.pop("torque")
     kept.pop("applied", None)
+    kept.setdefault("limited", np.zeros(samples.count, dtype=bool))
     tip = {name: kept.pop(name) for name in list(kept) if name.startswith("tip_")}
     error = tip["tip_position"] - tip["tip_desired"]
     if len(tip["tip_orientation"]):
@@ -168,6 +169,7 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
     else:
         tip |= {"tip_orientation": None, "tip_desired_orientation": None}
     signals = {name: values[: samples.count] for name, values in samples.signals.items()}
+    of_plant = {name: signals[name] for name in loop.plant.signals() if name in signals}
     own = {name: getattr(loop, name) for name in ("dt", "robot", "task", "task_map", "criterion")}
     done = Run(
         **kept,
@@ -181,7 +183,7 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
         constraint_residual=float(loop.constraint_residual[0]),
         plant=loop.plant.robot,
         desired=tip["tip_desired"],
-        ground={name: signals[name] for name in loop.plant.signals() if name in signals},
+        signals=of_plant,
     )
     singularity: dict[str, Any] = {}
     if not done.completed:
@@ -196,7 +198,7 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
     if run.monitor:
         seen = {name: values for name, values in signals.items() if name.startswith("sliding/")}
         seen |= monitors(done, controller, seen, torque)
-        done, signals = replace(done, monitors=seen), signals | seen
+        done, signals = replace(done, signals=of_plant | seen), signals | seen
     sampled = ("t", "q", "z", "task_error", "auxiliary_error", "compute_time")
     return Record(
         **{name: getattr(done, name) for name in sampled},

@@ -132,7 +132,8 @@ def metrics_of(record: mm.Record, *, work: float, constraint_residual: float, li
         task=mm.make_task(record.task, robot, record.q[0]),
         task_map=TaskMap(),
         criterion=Posture.of(robot),
-        limited=limited,
+        limited=np.zeros(len(record.t), dtype=bool) if limited is None else limited,
+        velocity_ratio=np.zeros(len(record.t)),
     )
     return compute_metrics(run)
 

@@ -37,7 +37,7 @@ class Torque:
 
 def hand_made_run(robot, *, duration=10.0, dt=0.01, **changes) -> Run:
     """A completed run in which nothing moves and every error is 0, but for ``changes``."""
-    n = round(duration / dt) + 1
+    n = len(changes["t"]) if "t" in changes else round(duration / dt) + 1
     fields = {
         "completed": True,
         "duration": duration,
@@ -56,5 +56,7 @@ def hand_made_run(robot, *, duration=10.0, dt=0.01, **changes) -> Run:
         "task": Still(np.zeros(3)),
         "task_map": TaskMap(),
         "criterion": Posture.of(robot),
+        "limited": np.zeros(n, dtype=bool),
+        "velocity_ratio": np.zeros(n),
     }
     return Run(**{**fields, **changes})
