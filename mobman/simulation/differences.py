@@ -288,7 +288,7 @@ class Payload(Piece):
         if not mass:
             return None
         load = pin.Inertia(mass, np.array(self.offset), self._tensor())
-        return lambda model: _add_to_tip(model, robot, load)
+        return lambda model: add_to_tip(model, robot, load)
 
 
 def carried_mass(robot: MobileManipulator) -> float:
@@ -298,27 +298,7 @@ def carried_mass(robot: MobileManipulator) -> float:
     return float(sum(model.inertias[i].mass for i in chain if model.joints[i].idx_q in arm))
 
 
-def true_robot(
-    robot: MobileManipulator,
-    mass_factor: float = 1.0,
-    inertia_factor: float | None = None,
-    payload: float = 0.0,
-) -> MobileManipulator:
-    """The robot with other inertias, the same object if nothing changes: factors of every link's mass
-    and of its inertia about its centre of mass, by default the mass's, and a point mass at the tip
-    (kg)."""
-    turning = mass_factor if inertia_factor is None else inertia_factor
-    if mass_factor == 1.0 and turning == 1.0 and payload == 0.0:
-        return robot
-    model = robot.model.copy()
-    for i in range(1, model.njoints):
-        link = model.inertias[i]
-        model.inertias[i] = pin.Inertia(link.mass * mass_factor, link.lever, link.inertia * turning)
-    if payload > 0.0:
-        _add_to_tip(model, robot, pin.Inertia(payload, np.zeros(3), np.zeros((3, 3))))
-    return robot.with_model(model)
-
-
-def _add_to_tip(model: pin.Model, robot: MobileManipulator, load: pin.Inertia) -> None:
+def add_to_tip(model: pin.Model, robot: MobileManipulator, load: pin.Inertia) -> None:
+    """Fix a body, in the tip's frame, to the tip of a model."""
     tip = model.frames[robot.tip_frame]
     model.appendBodyToJoint(tip.parentJoint, load, tip.placement)

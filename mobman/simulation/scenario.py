@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import pinocchio as pin
 from pydantic import (
     BeforeValidator,
     Field,
@@ -26,7 +27,7 @@ from mobman.display import Displayed, Shown, line_of
 from mobman.errors import MobmanError, SpecError, UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.actuation import ActuationChain, actuations
-from mobman.simulation.differences import inertias, kinematics, true_robot
+from mobman.simulation.differences import add_to_tip, inertias, kinematics
 from mobman.simulation.disturbances import Torque, disturbances, frictions, stops
 from mobman.simulation.pieces import Piece, Setting, Types
 from mobman.simulation.plant import Plant, plants, slips
@@ -218,16 +219,22 @@ class Scenario(Displayed, Strict):
     def true_robot(self, setting: Setting) -> MobileManipulator:
         """The setting's robot with the true dimensions and inertias; the same object if nothing
         changes."""
-        robot = setting.robot
+        robot, mass = setting.robot, self.mass_factor
         for remake in self._started("kinematics", setting):
             robot = remake(robot)
-        scaled = true_robot(robot, self.mass_factor, self.inertia_factor)
-        if self.inertias:
-            model = scaled.model.copy()
-            for change in self._started("inertias", setting):
-                change(model)
-            scaled = robot.with_model(model)
-        return true_robot(scaled, payload=self.payload)
+        turning = mass if self.inertia_factor is None else self.inertia_factor
+        changes = self._started("inertias", setting)
+        if mass == turning == 1.0 and not changes and not self.payload:
+            return robot
+        model = robot.model.copy()
+        for i in range(1, model.njoints):
+            link = model.inertias[i]
+            model.inertias[i] = pin.Inertia(link.mass * mass, link.lever, link.inertia * turning)
+        for change in changes:
+            change(model)
+        if self.payload:
+            add_to_tip(model, robot, pin.Inertia(self.payload, np.zeros(3), np.zeros((3, 3))))
+        return robot.with_model(model)
 
     def start_of(self, robot: MobileManipulator, placed: Array | None = None) -> Array:
         """The start of a run whose task is made for another, ``robot.q_rest`` by default (m, rad),

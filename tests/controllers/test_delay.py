@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.errors import largest_after
+from support.settings import true_robot
 
 import mobman as mm
 from mobman.controllers.motors import (
@@ -14,7 +15,6 @@ from mobman.controllers.motors import (
     predict_acceleration,
 )
 from mobman.errors import GainError
-from mobman.simulation.differences import true_robot
 
 DT = 1e-3
 

@@ -8,10 +8,10 @@ from copy import copy
 import numpy as np
 import pytest
 from support.runs import Still, Torque, hand_made_run
+from support.settings import true_robot
 
 import mobman as mm
 from mobman.model.criterion import Posture
-from mobman.simulation.differences import true_robot
 from mobman.simulation.metrics import compute_metrics, list_metrics, metrics
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.settings import true_robot
 from support.states import random_states
 
 import mobman as mm
-from mobman.simulation.differences import true_robot
 from mobman.simulation.plant import Plant
 
 

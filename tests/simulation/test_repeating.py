@@ -13,6 +13,7 @@ import pinocchio as pin
 import pytest
 from support.platforms import on
 from support.runs import Still, Torque
+from support.settings import true_robot
 from support.variants import ROBOTS, description, toml, youbot_urdf
 
 import mobman as mm
@@ -20,7 +21,6 @@ from mobman import provenance
 from mobman.controllers.protocol import controllers
 from mobman.errors import RecordError
 from mobman.robots import catalogue
-from mobman.simulation.differences import true_robot
 from mobman.simulation.rerun import Own, repeat, verify
 from mobman.tasks.circle import Circle
 from mobman.tasks.task import tasks

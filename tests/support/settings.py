@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from mobman.simulation.pieces import Setting
+from mobman.simulation.scenario import Scenario
 from mobman.simulation.sensors import estimators
 
 
@@ -25,3 +26,9 @@ def estimator(names, dt, type, **fields):
     """An estimator of z' for a robot with such velocities."""
     robot = SimpleNamespace(velocity_names=list(names))
     return estimators.get(type)(**fields).start(setting(robot, dt=dt))
+
+
+def true_robot(robot, mass_factor=1.0, inertia_factor=None, payload=0.0):
+    """The robot with other inertias."""
+    factors = {"mass_factor": mass_factor, "inertia_factor": inertia_factor, "payload": payload}
+    return Scenario(name="s", **factors).true_robot(setting(robot))
