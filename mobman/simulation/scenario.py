@@ -265,15 +265,14 @@ class Scenario(Displayed, Strict):
         stages = self._started("actuation", setting)
         return ActuationChain(stages, setting.dt, setting.robot.nz) if stages else None
 
-    def measurement(self, setting: Setting, true: MobileManipulator | None = None) -> Measure:
-        """The measurement that the controller is given, of the true robot; by default the nominal."""
+    def measurement(self, setting: Setting, true: MobileManipulator) -> Measure:
+        """The measurement that the controller is given, of the true robot."""
         (estimate,), errors = (
             self._started("acceleration", setting),
             self._started("sensors", setting),
         )
-        tell = None
-        if true is not None and true.motors is not true.platform:  # other wheels
-            tell = encoders(setting.robot, true, setting.dt)
+        other_wheels = true.motors is not true.platform
+        tell = encoders(setting.robot, true, setting.dt) if other_wheels else None
 
         def measure(q: Array, z: Array, z_dot: Array) -> tuple[Array, Array, Array]:
             if tell is not None:

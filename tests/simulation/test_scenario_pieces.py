@@ -296,7 +296,7 @@ def _signals(scenario, robot, seed=0):
     scenario = Scenario(name="s", **scenario)
     masses = [link.mass for link in scenario.true_robot(setting(robot, seed)).model.inertias]
     push = scenario.disturbance(setting(robot, seed))
-    measured = scenario.measurement(setting(robot, seed))(
+    measured = scenario.measurement(setting(robot, seed), robot)(
         robot.q_rest, np.zeros(robot.nz), np.zeros(robot.nz)
     )
     return [np.array(masses), *([] if push is None else [push(0.7)]), *measured]

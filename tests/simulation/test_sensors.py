@@ -15,7 +15,7 @@ DT = 1e-3
 
 def _measure(robot, *sensors, seed=0, acceleration="exact"):
     scenario = Scenario(name="s", sensors=list(sensors), acceleration=acceleration)
-    return scenario.measurement(setting(robot, seed, DT))
+    return scenario.measurement(setting(robot, seed, DT), robot)
 
 
 def _errors(robot, ticks=4000, seed=0, **noise):
