@@ -192,14 +192,14 @@ class Subject:
     @cached_property
     def links(self) -> dict[str, Link]:
         """The links by name, in the URDF's order."""
-        paths = {(mesh.link, mesh.filename): mesh.path for mesh, _ in self.meshes}
         files = {
             f"{prefix}{link.get('name')}": file.path.name
             for prefix, file in self._sources
             for link in file.parse().findall("link")
         }
         found = {}
-        for element in assemble(self.robot.spec, self.robot.urdf).robot.findall("link"):
+        robot = assemble(self.robot.spec, self.robot.urdf, mesh_paths).robot
+        for element in robot.findall("link"):
             name, inertial = str(element.get("name")), element.find("inertial")
             mass, com, moments = None, np.zeros(3), np.zeros(3)
             if inertial is not None:
@@ -207,11 +207,7 @@ class Subject:
                 keys = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
                 entries = [scalar(inertial.find("inertia"), key) for key in keys]
                 moments = np.linalg.eigvalsh(np.reshape(entries, (3, 3)))
-
-            def vertices(filename: str, link: str = name) -> Array | None:
-                path = paths.get((link, filename))
-                return None if path is None else self.mesh_reader.vertices(path)
-
+            vertices = self.mesh_reader.of
             shapes = [shape for use in USES for shape in read_shapes(element, use, vertices)]
             known = tuple(shape for shape in shapes if shape.known)
             incomplete = frozenset(shape.use for shape in shapes if not shape.known)

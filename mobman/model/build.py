@@ -23,7 +23,7 @@ from mobman.robots.incoming.incoming import keep_urdf
 from mobman.robots.incoming.models import urdf_of_model
 from mobman.robots.spec import RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import LINK, Mounted, compose, flat_urdf
-from mobman.robots.urdf.meshes import MeshError, absolute_meshes, read_triangles
+from mobman.robots.urdf.meshes import Locate, MeshError, absolute_meshes, read_triangles
 from mobman.robots.urdf.read import UrdfFile, UrdfSources, urdf_sources
 from mobman.robots.urdf.shapes import scalar
 from mobman.robots.urdf.validate import too_large
@@ -135,7 +135,7 @@ def load_geometry(robot: MobileManipulator) -> Geometry:
         SpecError: If a mesh is missing or cannot be read.
     """
     spec, where = robot.spec, robot.spec.where
-    assembly = assemble(spec, robot.urdf, with_meshes=True)
+    assembly = assemble(spec, robot.urdf, absolute_meshes)
     try:
         for name in {str(mesh.get("filename")) for mesh in assembly.robot.iter("mesh")}:
             read_triangles(Path(name))  # elsewhere, since a damaged one may end the process
@@ -164,13 +164,13 @@ class Assembly(NamedTuple):
     following: tuple[Follower, ...]  # joints that follow one that moves
 
 
-def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -> Assembly:
+def assemble(spec: RobotSpec, sources: UrdfSources, meshes: Locate = None) -> Assembly:
     """The platform's URDF with what is mounted on it.
 
     Args:
         spec: The description.
         sources: Its files.
-        with_meshes: Whether meshes have absolute paths, and must be there.
+        meshes: What finds the meshes of each file.
 
     Raises:
         SpecError: If a file is no URDF that makes sense, the parts do not fit together, a pattern of
@@ -185,11 +185,11 @@ def assemble(spec: RobotSpec, sources: UrdfSources, with_meshes: bool = False) -
         )
     else:
         field = f"{where}: field 'urdf"
-        platform = _part(spec.urdf, files.pop(0), field, "", with_meshes, locked)
+        platform = _part(spec.urdf, files.pop(0), field, "", meshes, locked)
     mounted = []
     for i, (mount, file) in enumerate(zip(spec.mount, files, strict=True)):
         field = f"{where}: field 'mount[{i}]"
-        part = _part(mount, file, field, mount.prefix, with_meshes, locked)
+        part = _part(mount, file, field, mount.prefix, meshes, locked)
         mounted.append(Mounted(part, mount, field))
     robot = compose(platform, mounted)
     rest, following = dict(spec.rest), list[Follower]()
@@ -294,7 +294,7 @@ def _check_couplings(robot: MobileManipulator, assembly: Assembly) -> None:
 
 
 def _part(
-    source: UrdfSource, file: UrdfFile, field: str, prefix: str, meshes: bool, locked: set[str]
+    source: UrdfSource, file: UrdfFile, field: str, prefix: str, meshes: Locate, locked: set[str]
 ) -> ET.Element:
     """A part's ``<robot>`` element; the joints that its source locks are added to ``locked``."""
     robot = file.parse()
@@ -307,8 +307,8 @@ def _part(
                 f"{', '.join(names)}"
             )
         locked |= matching
-    if meshes:
-        absolute_meshes(robot, file)
+    if meshes is not None:
+        meshes(robot, file)
     return robot
 
 

@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -212,19 +213,13 @@ def _urdf_parts(
 ) -> tuple[list[Part], dict[str, str], dict[str, ET.Element]]:
     """The shapes that a robot's URDFs give its links; why some are missing, by the mesh's name; and the
     links that had them as visuals."""
-    spec, model = robot.spec, robot.model
-    prefixes = [*([] if spec.urdf is None else [""]), *(mount.prefix for mount in spec.mount)]
-    located = {
-        (prefix + mesh.link, mesh.filename): mesh
-        for prefix, file in zip(prefixes, robot.urdf.files, strict=True)
-        for mesh in mesh_paths(file.parse(), file)
-    }
+    model = robot.model
     problems: dict[str, str] = {}
     lost: dict[str, ET.Element] = {}
     looks: list[tuple[ET.Element, ET.Element, ET.Element, MeshKey | None]] = []
     names: dict[MeshKey, str] = {}
     wanted: dict[MeshKey, bool] = {}  # those that are drawn at once
-    for link in assemble(spec, robot.urdf).robot.iter("link"):
+    for link in assemble(robot.spec, robot.urdf, mesh_paths).robot.iter("link"):
         name = str(link.get("name"))
         for look in [*link.findall("visual"), *link.findall("collision")]:
             shape, key, visual = shape_of(look), None, look.tag == "visual"
@@ -232,13 +227,12 @@ def _urdf_parts(
                 continue
             if shape.tag == "mesh":
                 filename = shape.get("filename", "").strip()
-                mesh = located.get((name, filename))
-                if mesh is None or mesh.path is None:
-                    problems[repr(filename)] = "is not there" if mesh is None else mesh.problem
+                if (path := shape.get("path")) is None:
+                    problems[repr(filename)] = shape.get("problem", "")
                     lost |= {name: link} if visual else {}
                     continue
                 x, y, z = vector(shape, "scale", (1.0, 1.0, 1.0)).tolist()
-                key = (mesh.path, (x, y, z))
+                key = (Path(path), (x, y, z))
                 names[key], wanted[key] = filename, visual or wanted.get(key, False)
             looks.append((link, look, shape, key))
     surfaces, unread = read_meshes(wanted)

@@ -93,11 +93,13 @@ def test_each_mesh_is_told_with_its_link_and_use(tmp_path):
     ]
 
 
-def test_telling_where_meshes_are_changes_nothing(tmp_path):
+def test_telling_where_meshes_are_adds_that_alone(tmp_path):
     source = urdf(tmp_path, "a.obj")
     robot = source.parse()
     before = ET.tostring(robot)
     mesh_paths(robot, source)
+    (added,) = {mesh.attrib.pop("problem") for mesh in robot.iter("mesh")}
+    assert added.startswith("is not there")
     assert ET.tostring(robot) == before
 
 

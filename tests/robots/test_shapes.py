@@ -27,10 +27,12 @@ def origin(xyz=XYZ, rpy=RPY):
     return f'<origin xyz="{text(xyz)}" rpy="{text(rpy)}"/>'
 
 
-def read(geometry, place="", use="collision", vertices=lambda filename: None):
+def read(geometry, place="", use="collision", vertices={}.get):
     """The only shape of a link."""
     link = f'<link name="a"><{use}>{place}<geometry>{geometry}</geometry></{use}></link>'
-    (shape,) = read_shapes(ET.fromstring(link), use, vertices)
+    (shape,) = read_shapes(
+        ET.fromstring(link), use, lambda mesh: vertices(mesh.get("filename").strip())
+    )
     return shape
 
 

@@ -129,10 +129,9 @@ def _mounted(parts: Sequence[UrdfPart]) -> UrdfFile:
     trees, mounted = [], []
     for part in parts:
         tree = part.file.parse()
-        paths = {mesh.filename: mesh.path for mesh in mesh_paths(tree, part.file)}
-        for mesh in tree.iter("mesh"):
-            if (path := paths.get(mesh.get("filename", "").strip())) is not None:
-                mesh.set("filename", str(path))
+        mesh_paths(tree, part.file)
+        for mesh in tree.findall("link/*/geometry/mesh[@path]"):
+            mesh.set("filename", mesh.attrib["path"])
         trees.append(tree)
         if (on := part.mount) is not None:
             if on.link is None:

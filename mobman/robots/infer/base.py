@@ -352,9 +352,11 @@ def _mecanum_sign(wheels: Sequence[Rolling], hint: str) -> str:
     """The evidence that wheels have rollers; empty if there is none."""
     if any(w.rollers for w in wheels):
         return "there are rollers behind the wheels"
-    for path in (path for w in wheels for path in (w.name, w.joint.child, *w.meshes)):
-        if says("mecanum", name := path.rpartition("/")[2]):
-            return f"the name {name} says so"
+    for w in wheels:
+        files = (mesh.get("filename", "").strip() for mesh in w.meshes)
+        for path in (w.name, w.joint.child, *files):
+            if says("mecanum", name := path.rpartition("/")[2]):
+                return f"the name {name} says so"
     return f"the URDF says {hint}" if hint else ""
 
 

@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.robots.infer.findings import Inferred
 from mobman.robots.urdf.compose import flat_urdf, frame_of, root_link
-from mobman.robots.urdf.meshes import MeshReader, MeshReference, mesh_paths
+from mobman.robots.urdf.meshes import MeshReader, mesh_paths
 from mobman.robots.urdf.read import UrdfFile
 from mobman.robots.urdf.shapes import USES, Shape, Use, read_shapes, scalar
 
@@ -93,7 +92,8 @@ class Tree:
 
     def __init__(self, robot: ET.Element, urdf: UrdfFile) -> None:
         where = urdf.named
-        self.robot, self._urdf, self._meshes = robot, urdf, MeshReader()
+        mesh_paths(robot, urdf)
+        self.robot, self._meshes = robot, MeshReader()
         self.root = root_link(robot, where)  # name of the root link
         self.links = {link.get("name", ""): link for link in robot.findall("link")}
         xml = flat_urdf(deepcopy(robot), where, base_joints=())
@@ -196,21 +196,9 @@ class Tree:
         as well."""
         for link in links:
             if (link, use) not in self._shapes:
-                place, own = self._places[link], read_shapes(self.links[link], use, self._vertices)
+                place, own = self._places[link], read_shapes(self.links[link], use, self._meshes.of)
                 self._shapes[link, use] = [s.placed(place.rotation, place.translation) for s in own]
         return [(link, shape) for link in links for shape in self._shapes[link, use]]
-
-    def lacks(self, filename: str) -> str:
-        """Reason why a mesh of the URDF cannot be used, as many a manufacturer's; empty if it can."""
-        return self._found[filename].problem
-
-    @cached_property
-    def _found(self) -> dict[str, MeshReference]:
-        return {mesh.filename: mesh for mesh in mesh_paths(self.robot, self._urdf)}
-
-    def _vertices(self, filename: str) -> Array | None:
-        path = self._found[filename].path
-        return None if path is None else self._meshes.vertices(path)
 
 
 def names_of(joints: Iterable[Joint]) -> str:

@@ -49,8 +49,7 @@ class Rolling:
         self.joints = [joint, *turning, *self.suspension, *self.rollers]
         # its own link, what is fixed to it, and rollers
         links = [link for j in (joint, *self.rollers) for link in tree.rigid(j.child)]
-        meshes = (mesh for link in links for mesh in tree.links[link].iter("mesh"))
-        self.meshes = [mesh.get("filename", "").strip() for mesh in meshes]
+        self.meshes = [mesh for link in links for mesh in tree.links[link].iter("mesh")]
         # the radius that its geometry has (m)
         sizes = [_radius(tree, joint, use, links, bool(self.rollers)) for use in USES]
         self.collision, self.visual = (size for size, _ in sizes)
@@ -244,8 +243,11 @@ def settle_radius(
         standing += [link for link in tree.rigid(tree.root) if says("caster", link)]
         lowest = lowest_point(tree, standing)
         if lowest is None or axle - lowest.value < _LEAST:
-            problems = [(name, tree.lacks(name)) for name in dict.fromkeys(wheels[0].meshes)]
-            missing = [f"its mesh {name} {problem}" for name, problem in problems if problem]
+            missing = [
+                f"its mesh {mesh.get('filename', '').strip()} {mesh.get('problem')}"
+                for mesh in wheels[0].meshes
+                if "problem" in mesh.attrib
+            ]
             raise Undecided(
                 f"nothing tells the wheels' radius: {wheels[0].joint.child} has no cylinder or sphere, "
                 f"{(missing or ['no round mesh'])[0]}, and there is no base_footprint below the axle: "

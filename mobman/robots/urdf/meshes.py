@@ -12,7 +12,7 @@ import json
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -59,28 +59,39 @@ class MeshReference:
 
 
 def mesh_paths(robot: ET.Element, urdf: UrdfFile) -> list[MeshReference]:
-    """Every mesh of a URDF and where it is, in the file's order; nothing is raised."""
-    return [mesh for mesh, _ in _located(robot, MeshFinder(urdf))]
+    """Every mesh of a URDF and where it is, in the file's order; nothing is raised. Each ``<mesh>`` gets
+    the attribute ``path``, or ``problem``."""
+    locate, found = cache(MeshFinder(urdf).locate), []
+    for link in robot.findall("link"):
+        for use in ("visual", "collision"):
+            for element in link.findall(f"{use}/geometry/mesh"):
+                name = element.get("filename", "").strip()
+                path, problem = locate(name)
+                element.attrib |= {"problem": problem} if path is None else {"path": str(path)}
+                found.append(MeshReference(link.get("name", ""), use, name, path, problem))
+    return found
 
 
 def absolute_meshes(robot: ET.Element, urdf: UrdfFile) -> None:
     """Replace the file names of a URDF's meshes by absolute paths; SpecError if some are missing,
     outside the package that they are named by, or of a format that is not read."""
-    finder = MeshFinder(urdf)
-    located = list(_located(robot, finder))
     by_name: dict[str, MeshReference] = {}  # the first of each
-    for mesh, _ in located:
+    for mesh in mesh_paths(robot, urdf):
         by_name.setdefault(mesh.filename, mesh)
     if wrong := [mesh for mesh in by_name.values() if mesh.path is None]:
         told = (f"{m.filename!r} (link {m.link!r}, {m.use}) {m.problem}" for m in wrong)
         raise SpecError(
             f"the URDF {urdf.path}: {len(wrong)} of {len(by_name)} meshes cannot be used: "
             f"{listed(told, '; ')}. Packages were looked for in "
-            f"{listed(map(str, finder.folders))}; more folders can be named in field "
+            f"{listed(map(str, MeshFinder(urdf).folders))}; more folders can be named in field "
             "'urdf.packages' (for a mount: 'mount.packages')"
         )
-    for mesh, element in located:
-        element.set("filename", str(mesh.path))
+    for element in robot.findall("link/*/geometry/mesh[@path]"):
+        element.set("filename", element.attrib["path"])
+
+
+Locate = Callable[[ET.Element, UrdfFile], object] | None
+"""One of these two, or neither."""
 
 
 def with_absolute_meshes(urdf: UrdfFile) -> bytes:
@@ -94,15 +105,6 @@ def with_absolute_meshes(urdf: UrdfFile) -> bytes:
 
     text = _MESH.sub(replaced, text_of(urdf.content, f"the URDF {urdf.path}"))
     return _ENCODING.sub(r"\1UTF-8\2", text.lstrip("\ufeff"), count=1).encode()
-
-
-def _located(robot: ET.Element, finder: MeshFinder) -> Iterator[tuple[MeshReference, ET.Element]]:
-    locate = cache(finder.locate)
-    for link in robot.findall("link"):
-        for use in ("visual", "collision"):
-            for element in link.findall(f"{use}/geometry/mesh"):
-                name = element.get("filename", "").strip()
-                yield MeshReference(link.get("name", ""), use, name, *locate(name)), element
 
 
 class MeshFinder:
@@ -327,3 +329,8 @@ class MeshReader:
             except MeshError as error:
                 self.unreadable[path] = " ".join(str(error).split())
         return self._vertices.get(path)
+
+    def of(self, mesh: ET.Element) -> Array | None:
+        """The same of a ``<mesh>`` as :func:`mesh_paths` leaves it; None if there is no file."""
+        path = mesh.get("path")
+        return None if path is None else self.vertices(Path(path))

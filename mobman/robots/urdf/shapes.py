@@ -25,9 +25,9 @@ _OFF_AXIS = 0.3  # of the radius: how far a wheel's shape may be off its axis
 _ROUND = 0.93  # smallest over largest extent of what is round
 _DIRECTIONS = 72  # in which a shape's extent is looked for
 
-Vertices = Callable[[str], Array | None]
-"""From the ``filename`` of a ``<mesh>`` to its vertices in its own unit, shape (n, 3); None if it is
-missing or cannot be read."""
+Vertices = Callable[[ET.Element], Array | None]
+"""From a ``<mesh>`` to its vertices in its own unit, shape (n, 3); None if it is missing or cannot be
+read."""
 
 
 def scalar(element: ET.Element | None, attribute: str, default: float = 0.0) -> float:
@@ -97,7 +97,7 @@ def _shape(element: ET.Element, use: Use, vertices: Vertices) -> Shape:
     """A shape in its own frame."""
     axis: Array | None = None
     if element.tag == "mesh":
-        own = vertices(element.get("filename", "").strip())
+        own = vertices(element)
         scale = vector(element, "scale", (1.0, 1.0, 1.0))
         points = np.zeros((0, 3)) if own is None else own * scale
     elif element.tag == "box":
