@@ -26,7 +26,7 @@ from mobman.files import read_input
 from mobman.robots.spec import RobotSpec, UrdfSource
 from mobman.robots.urdf.compose import tidy, turn_up
 from mobman.robots.urdf.shapes import scalar
-from mobman.robots.urdf.validate import Validation
+from mobman.robots.urdf.validate import KNOWN, Validation
 
 MEGABYTES = 5.0
 """Largest size of a URDF (MB)."""
@@ -35,20 +35,6 @@ _DECLARED = re.compile(rb"""<\?xml[^>]{0,200}?encoding\s*=\s*["']([A-Za-z0-9._-]
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 _CUT_OFF = ("no element found", "unclosed token", "unclosed CDATA section")
-_OTHERS = {
-    "sdf": "an SDF file (Gazebo), which 'mobman robots add' takes",
-    "mujoco": "an MJCF file (MuJoCo)",
-    "mujocoinclude": "an MJCF file (MuJoCo)",
-    "COLLADA": "a mesh (COLLADA)",
-    "launch": "a launch file (ROS)",
-    "package": "a package's description (ROS)",
-    "html": "a web page (HTML); download the file itself",
-}
-_XACRO = (
-    "macro", "property", "include", "arg", "if", "unless", "call", "element", "attribute",
-    "insert_block",
-)  # fmt: skip
-_ELSEWHERE = ("gazebo", "transmission", "ros2_control", "sensor")  # what other programs read
 
 
 @dataclass(frozen=True)
@@ -110,7 +96,7 @@ class UrdfFile:
         where = self.named
         robot, lines = parse_xml(self.content, where)
         if robot.tag != "robot":
-            other = _OTHERS.get(robot.tag)
+            other = KNOWN["others"].get(robot.tag)
             advice = f": it is {other}; convert it, or find the robot's URDF" if other else ""
             raise SpecError(f"{where} starts with <{robot.tag}>, not with <robot>{advice}")
         validation, macro = Validation(where, lines), next(macros(robot), None)
@@ -233,8 +219,9 @@ def _share_folder(field: str, package: str) -> Path:
 def macros(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
     """Elements and expressions of the language of xacro, which most URDFs are written in. A mere call of
     a macro that nobody defines is none: older versions of xacro leave such calls in what they make."""
-    language = {prefix + name for prefix in _prefixes(robot) for name in _XACRO}
-    for element in (e for part in robot if part.tag not in _ELSEWHERE for e in part.iter()):
+    other = KNOWN["xacro"]["elsewhere"]
+    language = {prefix + name for prefix in _prefixes(robot) for name in KNOWN["xacro"]["elements"]}
+    for element in (e for part in robot if part.tag not in other for e in part.iter()):
         if element.tag in language:
             yield element, f"<{element.tag}>"
         elif element.tag != "mesh":  # its $(find PACKAGE) is as good as package://PACKAGE

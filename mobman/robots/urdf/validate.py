@@ -18,9 +18,11 @@ from __future__ import annotations
 import difflib
 import math
 import re
+import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from importlib.resources import files
 
 from mobman.errors import SpecError
 
@@ -30,7 +32,6 @@ _LIMITED = ("revolute", "prismatic")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+")
 _INFINITE = re.compile(r"([+-]?)\.?inf(?:inity)?", re.IGNORECASE)
-_ROUNDING = 1e-12  # moments (kg m^2) below zero by no more than this come from a program's rounding
 MOST_LINKS, MOST_JOINTS = 500, 150
 _TOLD = 5  # problems, and names in a list
 _LOOKED_THROUGH = 5000
@@ -40,7 +41,7 @@ _LOOKED_THROUGH = 5000
 class Numbers:
     """The numbers that an attribute may hold."""
 
-    unit: str  # of each number; empty for a pure number
+    unit: str = ""  # of each number; empty for a pure number
     count: int = 1
     least: float = -math.inf  # the smallest value, if there is one
     positive: bool = False  # whether they must be above 0
@@ -59,31 +60,11 @@ class Numbers:
         return allowed + (f" ({self.unit})" if self.unit else "")
 
 
-_PLACE, _FORCE = Numbers("m or rad"), Numbers("N or N m", least=0.0)
-_SIZE = Numbers("m", required=True, positive=True)
-_MOMENT = Numbers("kg m^2", required=True, least=-_ROUNDING)
-_PRODUCT = Numbers("kg m^2", required=True)
-
-NUMBERS: dict[str, dict[str, Numbers]] = {
-    "origin": {"xyz": Numbers("m", count=3), "rpy": Numbers("rad", count=3)},
-    "axis": {"xyz": Numbers("", count=3)},
-    "limit": {
-        "lower": _PLACE,
-        "upper": _PLACE,
-        "effort": _FORCE,
-        "velocity": Numbers("m/s or rad/s", least=0.0),
-    },
-    "dynamics": {"damping": Numbers("N s/m or N m s/rad", least=0.0), "friction": _FORCE},
-    "mimic": {"multiplier": Numbers(""), "offset": _PLACE},
-    "mass": {"value": Numbers("kg", required=True, least=0.0)},
-    "inertia": {
-        **dict.fromkeys(("ixx", "iyy", "izz"), _MOMENT),
-        **dict.fromkeys(("ixy", "ixz", "iyz"), _PRODUCT),
-    },
-    "box": {"size": replace(_SIZE, count=3)},
-    "cylinder": {"radius": _SIZE, "length": _SIZE},
-    "sphere": {"radius": _SIZE},
-    "mesh": {"scale": Numbers("", count=3)},
+KNOWN = tomllib.loads((files("mobman.robots.urdf") / "urdf.toml").read_text(encoding="utf-8"))
+"""What is known of URDFs beforehand."""
+NUMBERS = {
+    element: {attribute: Numbers(**allowed) for attribute, allowed in attributes.items()}
+    for element, attributes in KNOWN["numbers"].items()
 }
 """Numbers by element and attribute."""
 
