@@ -14,7 +14,7 @@ from click import BadParameter, Choice, argument, group, option
 from click.exceptions import Exit
 
 from mobman.cli.options import COUNT, FOLDER, PATH, POSITIVE, complete, reports
-from mobman.cli.output import SuiteDisplay, TuningDisplay, console, echo, note, print_json, table
+from mobman.cli.output import SuiteDisplay, TuningDisplay, console, echo, note, report, table
 from mobman.display import printable
 from mobman.errors import MobmanError
 
@@ -35,7 +35,7 @@ def bench() -> None:
 
 @bench.command("list")
 @reports
-def list_command(as_json: bool) -> None:
+def list_command() -> None:
     """List the suites."""
 
     from mobman.benchmark.suite import list_suites, load_suite
@@ -47,18 +47,16 @@ def list_command(as_json: bool) -> None:
             rows.append({"name": name, "runs": suite.size(), "description": suite.description})
         except MobmanError as error:  # another package's must not hide the others
             note(f"{name} is left out: {error}")
-    if as_json:
-        print_json(rows)
-    else:
-        values, heads = [row.values() for row in rows], ("suite", "runs", "description")
-        console().print(table(*heads, rows=values, right={"runs"}, names={"suite"}))
+    report(rows)
+    values, heads = [row.values() for row in rows], ("suite", "runs", "description")
+    console().print(table(*heads, rows=values, right={"runs"}, names={"suite"}))
 
 
 @bench.command("show")
 @argument("suite", **complete("suites"))
 @option("--runs", "each", is_flag=True, help="List every run.")
 @reports
-def show_command(suite: str, each: bool, as_json: bool) -> None:
+def show_command(suite: str, each: bool) -> None:
     """Show what SUITE (a name or a TOML file) contains, and check all of it; nothing is run."""
     from mobman.benchmark.suite import load_suite
     from mobman.model.platforms.custom import without_code
@@ -66,10 +64,8 @@ def show_command(suite: str, each: bool, as_json: bool) -> None:
     chosen = load_suite(suite)
     with without_code():
         runs = chosen.runs()
-    if as_json:
-        listing = [{"run_id": run.run_id, **run.as_dict()} for run in runs]
-        print_json({"suite": chosen.model_dump(mode="json", by_alias=True), "runs": listing})
-        return
+    listing = [{"run_id": run.run_id, **run.as_dict()} for run in runs]
+    report({"suite": chosen.model_dump(mode="json", by_alias=True), "runs": listing})
     simulated, cells = sum(run.duration for run in runs), {run.cell for run in runs}
     facts = {
         "runs": f"{len(runs)}, in {len(cells)} cells; {simulated:g} s simulated",
@@ -140,7 +136,7 @@ _LIMIT = "Wall time that a run may take (s); the suite's by default."
 @option("--time-limit", type=POSITIVE, metavar="S", help=_LIMIT)
 @reports
 def run_command(
-    suite: str, output: Path | None, part: tuple[int, int] | None, as_json: bool, **options: Any
+    suite: str, output: Path | None, part: tuple[int, int] | None, **options: Any
 ) -> None:
     """Run SUITE (a name or a TOML file), write its report and print its leaderboard.
 
@@ -176,12 +172,10 @@ def run_command(
             f"interrupted after {display.there} of {display.asked} runs; what was done is kept in "
             f"{folder}, the same command goes on from there"
         )
-    if as_json:
-        _print_json(summary, folder)
-    _tell(summary, as_json)
-    if summary.report is not None and not as_json:
+    _tell(summary, folder)
+    if summary.report is not None:
         _tell_report(summary.report, leaderboard=True)
-    elif part is not None and not as_json:
+    elif part is not None:
         echo(
             f"part {part[0]} of {part[1]} is in {folder}; the parts are joined by: "
             "mobman bench merge FOLDERS -o FOLDER"
@@ -195,18 +189,20 @@ def _leave(message: str) -> None:
     raise Exit(130) from None
 
 
-def _print_json(summary: Summary, folder: Path) -> None:
-    outcomes = []
-    for outcome in summary.outcomes:
-        ended = {key: getattr(outcome, key) for key in ("status", "message")}
-        ended["task_error_max"] = outcome.task_error
-        outcomes.append({"run_id": outcome.run.run_id, "run": str(outcome.run), **ended})
+def _tell(summary: Summary, folder: Path) -> None:
+    outcomes = [
+        {
+            "run_id": outcome.run.run_id,
+            "run": str(outcome.run),
+            "status": outcome.status,
+            "message": outcome.message,
+            "task_error_max": outcome.task_error,
+        }
+        for outcome in summary.outcomes
+    ]
     counts = {key: getattr(summary, key) for key in ("asked", "skipped", "seconds", "workers")}
-    report = None if summary.report is None else str(summary.report.html)
-    print_json({"folder": str(folder), **counts, "outcomes": outcomes, "report": report})
-
-
-def _tell(summary: Summary, as_json: bool) -> None:
+    page = None if summary.report is None else str(summary.report.html)
+    report({"folder": str(folder), **counts, "outcomes": outcomes, "report": page})
     done = f"{summary.asked} runs: {summary.skipped} were there"
     if summary.outcomes:
         ended = sum(outcome.status in ("diverged", "singular") for outcome in summary.outcomes)
@@ -215,8 +211,7 @@ def _tell(summary: Summary, as_json: bool) -> None:
             f"{'worker' if summary.workers == 1 else 'workers'}; {ended} of these diverged or met a "
             f"singularity, {len(summary.failed)} failed"
         )
-    if not as_json:
-        echo(done)
+    echo(done)
     for difference, count in Counter(other for _, other in summary.changed).items():
         note(
             f"{count} of the results were made by other sources ({difference}); they are kept, and run "
@@ -240,9 +235,7 @@ _TUNED = "Tune these alone; repeatable.  [default: all that have a search space]
 @option("--controllers", multiple=True, metavar="LABEL", help=_TUNED)
 @option("--fresh", is_flag=True, help="Begin again, also where trials are there already.")
 @reports
-def tune_command(
-    suite: str, output: Path | None, workers: int | None, as_json: bool, **options: Any
-) -> None:
+def tune_command(suite: str, output: Path | None, workers: int | None, **options: Any) -> None:
     """Tune the controllers of SUITE (a name or a TOML file), and write it with the tuned gains.
 
     Every controller has the same number of trials on the same runs, none of which the suite reports.
@@ -274,11 +267,9 @@ def tune_command(
         best = result.best(label)
         scores = {"score_default": trials[0].score, "score": best.score}
         tuned[label] = {"trials": len(trials), **scores, "trial": best.number, "gains": best.gains}
-    if as_json:
-        files = {"suite": str(result.suite_file), "tuning": str(result.json_file)}
-        rest = {"controllers": tuned, "not_tuned": dict(result.left_out)}
-        print_json({**files, "seconds": result.seconds, **rest})
-        return
+    files = {"suite": str(result.suite_file), "tuning": str(result.json_file)}
+    rest = {"controllers": tuned, "not_tuned": dict(result.left_out)}
+    report({**files, "seconds": result.seconds, **rest})
     numbers, out = ("trials", "score", "tuned", "trial"), console()
     listing = table("controller", *numbers, "gains", right=numbers, names={"controller"})
     for label, row in tuned.items():
@@ -308,9 +299,7 @@ _MERGED = "Folder that gets everything; new, or with results of the same suite."
 @option("--font-size", "size", type=float, default=8.0, help="Its size (pt).")
 @option("--replays", is_flag=True, help="Write a page of each run, FOLDER/replays/ID.html.")
 @reports
-def report_command(
-    folder: Path, replays: bool, latex: Path | None, as_json: bool, **options: Any
-) -> None:
+def report_command(folder: Path, replays: bool, latex: Path | None, **options: Any) -> None:
     """Write the report of the results in FOLDER again, and its index."""
     from mobman.benchmark.report.report import report_on
     from mobman.figures.files import Print
@@ -319,10 +308,7 @@ def report_command(
     how = Print(*(options.pop(key) for key in ("column", "font", "size")))
     files = report_on(folder, latex=latex, how=how, **options)
     example = None if latex is None else str(latex / "example.tex")
-    if as_json:
-        found = {key: str(getattr(files, key)) for key in ("html", "markdown", "csv")}
-        print_json({**found, "latex": example})
-        return
+    report({**{k: str(getattr(files, k)) for k in ("html", "markdown", "csv")}, "latex": example})
     _tell_report(files)
     if example is not None:
         echo(f"LaTeX:  {example}")
@@ -355,7 +341,7 @@ def _write_replay(record: Path, page: Path, instant: float | None) -> None:
 @argument("folders", nargs=-1, required=True, type=PATH)
 @option("-o", "--output", required=True, type=FOLDER, help=_MERGED)
 @reports
-def merge_command(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
+def merge_command(folders: tuple[Path, ...], output: Path) -> None:
     """Join FOLDERS of one suite's results into another folder.
 
     The folders are left as they are. Exit status 1 if a record could not be read, or two folders
@@ -368,12 +354,10 @@ def merge_command(folders: tuple[Path, ...], output: Path, as_json: bool) -> Non
         note(f"left out: {message}")
     for message in merged.conflicts:
         note(f"conflict, the first is kept: {message}")
-    if as_json:
-        print_json({"folder": str(output), **asdict(merged)})
-    else:
-        echo(
-            f"{output}: {merged.there} of {merged.asked} runs, {merged.copied} copied; the "
-            f"report is written by: mobman bench report {output}"
-        )
+    report({"folder": str(output), **asdict(merged)})
+    echo(
+        f"{output}: {merged.there} of {merged.asked} runs, {merged.copied} copied; the report is "
+        f"written by: mobman bench report {output}"
+    )
     if merged.unusable or merged.conflicts:
         raise Exit(1)

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from mobman.cli.options import complete, names_of, reports
-from mobman.cli.output import console, print_json, table
+from mobman.cli.output import console, report, table
 from mobman.errors import FOREIGN_ERRORS
 
 Facts = dict[str, Any]
@@ -74,11 +74,10 @@ def _command(kind: str, facts: Callable[[str], Facts], about: str) -> click.Comm
     @click.command(kind, help=f"List {about}")
     @click.argument("name", required=False, **complete(kind))
     @reports
-    def command(name: str | None, as_json: bool) -> None:
+    def command(name: str | None) -> None:
         found = [facts(each) for each in (names_of(kind) if name is None else [name])]
-        if as_json:
-            print_json(found if name is None else found[0])
-        elif name is not None:
+        report(found if name is None else found[0])
+        if name is not None:
             _print(found[0])
         else:
             heads = [head for head in ("unit", "better") if found and head in found[0]]

@@ -19,7 +19,7 @@ PORT = click.IntRange(0, 65535)
 COUNT = click.IntRange(min=1)
 POSITIVE = click.FloatRange(min=0, min_open=True)
 FORCE = click.option("--force", is_flag=True, help="Replace a file that is there.")
-_LEVEL = "mobman.cli.level"
+_LEVEL, _JSON = "mobman.cli.level", "mobman.cli.json"
 
 
 def _set_level(context: click.Context, parameter: click.Parameter, given: bool) -> None:
@@ -27,14 +27,18 @@ def _set_level(context: click.Context, parameter: click.Parameter, given: bool) 
         context.meta[_LEVEL] = -1 if parameter.name == "quiet" else 1
 
 
+def _set_json(context: click.Context, parameter: click.Parameter, given: bool) -> None:
+    context.meta[_JSON] = given
+
+
 def reports(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: the options --json, -q and -v, see :func:`level`."""
-    flag: dict[str, Any] = {"is_flag": True, "expose_value": False, "callback": _set_level}
+    """Decorator: the options --json, see :func:`wants_json`, and -q and -v, see :func:`level`."""
+    flag: dict[str, Any] = {"is_flag": True, "expose_value": False}
     more = "Print more, and the traceback of an internal error."
-    command = click.option("-v", "--verbose", help=more, **flag)(command)
+    command = click.option("-v", "--verbose", help=more, callback=_set_level, **flag)(command)
     less = "Print errors alone, and what --json asks for."
-    command = click.option("-q", "--quiet", help=less, **flag)(command)
-    return click.option("--json", "as_json", is_flag=True, help="Print JSON.")(command)
+    command = click.option("-q", "--quiet", help=less, callback=_set_level, **flag)(command)
+    return click.option("--json", help="Print JSON.", callback=_set_json, **flag)(command)
 
 
 def level(context: click.Context | None = None) -> int:
@@ -43,6 +47,12 @@ def level(context: click.Context | None = None) -> int:
     context = context or click.get_current_context(silent=True)
     found: int = 0 if context is None else context.meta.get(_LEVEL, 0)
     return found
+
+
+def wants_json() -> bool:
+    """True if the running command is to print JSON alone."""
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.meta.get(_JSON))
 
 
 def check_new(path: Path | None, *, suffixes: Collection[str], force: bool) -> None:

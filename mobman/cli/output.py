@@ -19,7 +19,7 @@ from rich.progress import TextColumn
 from rich.table import Table
 from rich.text import Text
 
-from mobman.cli.options import level
+from mobman.cli.options import level, wants_json
 from mobman.display import printable
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ _NARROWEST = 16  # characters that are kept of a name
 
 
 def echo(text: str = "", *, err: bool = False) -> None:
-    """Print a printable line on stdout, unless there is -q, or on stderr."""
-    if err or level() >= 0:
+    """Print a printable line on stdout, unless there is -q or --json, or on stderr."""
+    if err or (level() >= 0 and not wants_json()):
         click.echo(printable(text), err=err)
 
 
@@ -56,7 +56,7 @@ def console(*, stderr: bool = False) -> Console:
 
     What is printed is taken as it is: names and files may have brackets or colons.
     """
-    quiet = level() < 0
+    quiet = level() < 0 or (wants_json() and not stderr)
     return _Console(stderr=stderr, quiet=quiet, highlight=False, markup=False, emoji=False)
 
 
@@ -106,8 +106,10 @@ def in_lines(items: list[str], width: int) -> str:
     return text
 
 
-def print_json(value: Any) -> None:
-    """Print JSON; numbers that JSON has no word for (inf, NaN) are null."""
+def report(value: Any) -> None:
+    """Print JSON, with --json alone; numbers that JSON has no word for (inf, NaN) are null."""
+    if not wants_json():
+        return
 
     def finite(item: Any) -> Any:
         if isinstance(item, dict):

@@ -14,8 +14,8 @@ import click
 import numpy as np
 from rich.text import Text
 
-from mobman.cli.options import complete, reports
-from mobman.cli.output import console, echo, note, number, print_json, table
+from mobman.cli.options import complete, reports, wants_json
+from mobman.cli.output import console, echo, note, number, report, table
 from mobman.cli.robots_add import add
 from mobman.errors import MobmanError, UnknownNameError, UsageError
 from mobman.robots.spec import RobotSpec, own_robots, user_robots_folder
@@ -33,13 +33,13 @@ _STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 @click.group(invoke_without_command=True)
 @reports
 @click.pass_context
-def robots(context: click.Context, as_json: bool) -> None:
+def robots(context: click.Context) -> None:
     """List the robots (arm: joints of the arm; nz: motors), or show, check, add or remove one;
     or compute the bounds that the theorems suppose of one."""
     from mobman.robots.catalogue import list_robots
 
     if context.invoked_subcommand is not None:
-        if as_json:
+        if wants_json():
             raise click.UsageError(f"put --json behind {context.invoked_subcommand!r}")
         return
 
@@ -51,9 +51,7 @@ def robots(context: click.Context, as_json: bool) -> None:
             continue  # a package's, of which there was a warning
         except MobmanError as error:  # one broken robot must not hide the others
             note(f"{name} is left out: {error}")
-    if as_json:
-        print_json(rows)
-        return
+    report(rows)
     out = console()
     about = ["description"] if out.width >= _WIDE else []
     cells = []
@@ -76,12 +74,10 @@ robots.add_command(add)
 @robots.command()
 @click.argument("name", **complete("robots"))
 @reports
-def show(name: str, as_json: bool) -> None:
+def show(name: str) -> None:
     """Show the robot NAME (or a TOML file or URDF): joints, limits, rest posture, source."""
     content = _details(name)
-    if as_json:
-        print_json(content)
-        return
+    report(content)
     out = console()
     out.print(out.render_str(content["name"], style="bold"), f" {content['description']}")
     keys = ["platform", "tip", "mass", "tags", "source", "license", "origin", "urdf"]
@@ -165,7 +161,7 @@ def _details(name: str) -> dict[str, Any]:
 @robots.command()
 @click.argument("name", **complete("robots"))
 @reports
-def remove(name: str, as_json: bool) -> None:
+def remove(name: str) -> None:
     """Remove the robot NAME that was added by the user: its TOML, and its copy of the URDF."""
     from mobman.robots.catalogue import list_robots
 
@@ -186,16 +182,14 @@ def remove(name: str, as_json: bool) -> None:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise MobmanError(f"cannot remove {path}: {error.strerror}") from error
-    if as_json:
-        print_json({"name": name, "removed": [*map(str, removed)]})
-    else:
-        echo(f"removed {', '.join(map(str, removed))}")
+    report({"name": name, "removed": [*map(str, removed)]})
+    echo(f"removed {', '.join(map(str, removed))}")
 
 
 @robots.command()
 @click.argument("name", **complete("robots"))
 @reports
-def bounds(name: str, as_json: bool) -> None:
+def bounds(name: str) -> None:
     """Compute what the theorems suppose of the robot NAME (or a TOML file or URDF): w_1 to w_9, a, A.
 
     They hold over sampled states of the default task, with a margin; beside them the paper's.
@@ -207,13 +201,11 @@ def bounds(name: str, as_json: bool) -> None:
 
     robot = load_robot(name)
     computed = computing.computed_bounds(robot, make_task(_TASK, robot))
-    if as_json:
-        about = computed._asdict()
-        content = {"robot": robot.name, "task": _TASK, **about.pop("values")}
-        content |= {"paper": computing.PAPER, "bounded": computing.BOUNDED, **about}
-        content |= {"margin": computing.MARGIN, "confidence": computing.CONFIDENCE}
-        print_json({**content, "seed": SEED, "arm_spread": SPREAD})
-        return
+    about = computed._asdict()
+    content = {"robot": robot.name, "task": _TASK, **about.pop("values")}
+    content |= {"paper": computing.PAPER, "bounded": computing.BOUNDED, **about}
+    content |= {"margin": computing.MARGIN, "confidence": computing.CONFIDENCE}
+    report({**content, "seed": SEED, "arm_spread": SPREAD})
     out = console()
     out.print(robot.name, style="bold")
     numbers = ("paper", "computed", "found")
@@ -244,7 +236,7 @@ def bounds(name: str, as_json: bool) -> None:
 @click.argument("name")
 @reports
 @click.option("--no-simulation", is_flag=True, help="Leave out the checks that run a closed loop.")
-def check(name: str, as_json: bool, no_simulation: bool) -> None:
+def check(name: str, no_simulation: bool) -> None:
     """Check the robot NAME (or a TOML file or URDF): masses, limits, geometry, equations, a closed loop.
 
     Exit status 1 if something is wrong, 0 with warnings alone, 2 if the robot cannot be loaded.
@@ -255,24 +247,20 @@ def check(name: str, as_json: bool, no_simulation: bool) -> None:
     robot = load_robot(name)
     findings = run_checks(robot, simulation=not no_simulation)
     counts: Counter[str] = Counter(finding.status for finding in findings)
-    if as_json:
-        status = next((word for word in ("wrong", "warning") if counts[word]), "ok")
-        summary = {"status": status, **{word: counts[word] for word in _STYLES}}
-        found = [asdict(finding) for finding in findings]
-        print_json({"robot": robot.name, "findings": found, "summary": summary})
-    else:
-        out = console()
-        out.print(robot.name, style="bold")
-        listing = table("check", "result", no_wrap=True)
-        listing.add_column("found", overflow="fold")
-        for finding in findings:
-            result = Text(finding.status, _STYLES[finding.status])
-            listing.add_row(finding.check, result, finding.found)
-            if finding.fix:  # below, where it has room
-                listing.add_row("", Text("fix", "dim"), out.render_str(finding.fix, style="dim"))
-        out.print(listing)
-        several = "" if counts["warning"] == 1 else "s"
-        warned = f"{counts['warning']} warning{several}"
-        echo(f"{counts['wrong']} wrong, {warned}, {counts['ok']} ok")
+    status = next((word for word in ("wrong", "warning") if counts[word]), "ok")
+    summary = {"status": status, **{word: counts[word] for word in _STYLES}}
+    found = [asdict(finding) for finding in findings]
+    report({"robot": robot.name, "findings": found, "summary": summary})
+    out = console()
+    out.print(robot.name, style="bold")
+    listing = table("check", "result", no_wrap=True)
+    listing.add_column("found", overflow="fold")
+    for finding in findings:
+        listing.add_row(finding.check, Text(finding.status, _STYLES[finding.status]), finding.found)
+        if finding.fix:  # below, where it has room
+            listing.add_row("", Text("fix", "dim"), out.render_str(finding.fix, style="dim"))
+    out.print(listing)
+    warned = f"{counts['warning']} warning{'' if counts['warning'] == 1 else 's'}"
+    echo(f"{counts['wrong']} wrong, {warned}, {counts['ok']} ok")
     if counts["wrong"]:
         raise click.exceptions.Exit(1)

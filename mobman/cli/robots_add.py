@@ -16,7 +16,7 @@ from click import BadParameter, Choice, argument, command, option
 from click import Path as click_path
 
 from mobman.cli.options import FILE, POSITIVE, reports
-from mobman.cli.output import console, print_json
+from mobman.cli.output import console, report
 from mobman.errors import MobmanError, UsageError
 from mobman.files import write_new
 from mobman.robots.infer.findings import TYPES, Inferred, Options
@@ -106,9 +106,7 @@ _FILE = "TOML file to write; by default in the user's folder of robots."
 @option("--force", is_flag=True, help="Replace a file or a robot that is there.")
 @option("-o", "--output", type=FILE, metavar="FILE", help=_FILE)
 @reports
-def add(
-    urdf: str, name: str | None, output: Path | None, force: bool, as_json: bool, **facts: Any
-) -> None:
+def add(urdf: str, name: str | None, output: Path | None, force: bool, **facts: Any) -> None:
     """Write the TOML of a robot from its URDF: wheels, radius, arm, rest posture.
 
     URDF is a file of URDF, xacro, MJCF or SDF, a folder or a ZIP archive with one, - for the standard
@@ -176,10 +174,8 @@ def add(
         "warnings": [*found.warnings, *_missing_meshes(files)],
         "next": [f"mobman robots check {known}", f"mobman run {known}"],
     }
-    if as_json:
-        print_json(summary)
-    else:
-        _print(summary)
+    report(summary)
+    _print(summary)
 
 
 def _heading(robot: MobileManipulator) -> Inferred:

@@ -16,7 +16,7 @@ from click import BadParameter, Context, IntRange, Parameter, UsageError, argume
 from click.exceptions import Exit
 
 from mobman.cli.options import FILE, FORCE, PATH, PORT, check_new, complete, level, reports
-from mobman.cli.output import console, echo, in_lines, note, number, print_json, progress_bar, table
+from mobman.cli.output import console, echo, in_lines, note, number, progress_bar, report, table
 from mobman.errors import FOREIGN_ERRORS, MobmanError, RecordError
 
 if TYPE_CHECKING:
@@ -90,9 +90,7 @@ _LAWS, _TASKS = complete("controllers"), complete("tasks")
 @option("--live-speed", metavar="X|max", type=_speed, help=_LIVE_SPEED)
 @option("--no-browser", is_flag=True, help="With --live: print the address, open no browser.")
 @option("--port", type=PORT, help="With --live: port to serve on.")
-def run(
-    robot: str, controller: str, task: str, output: Path | None, as_json: bool, **given: Any
-) -> None:
+def run(robot: str, controller: str, task: str, output: Path | None, **given: Any) -> None:
     """Simulate ROBOT (a name, a TOML file or a URDF) under a controller and print what came of it.
 
     Exit status 1 if the run diverged or met a singularity; its record is written all the same.
@@ -134,7 +132,7 @@ def run(
         if given["task_option"]:
             record.spec["task_given"] = given["task_option"]
         saved = None if output is None else record.save(output)
-        tell(record, model, saved, as_json=as_json, everything=given["everything"])
+        tell(record, model, saved, everything=given["everything"])
         if watched is not None:
             # the page gets the whole run and stays until Ctrl-C: the way to end it, not a failure
             try:
@@ -170,7 +168,6 @@ def tell(
     robot: MobileManipulator,
     path: Path | None,
     *,
-    as_json: bool = False,
     everything: bool = False,
 ) -> None:
     """Print a run: a line a section of metrics, or every metric, and where it broke limits; or all that
@@ -180,11 +177,9 @@ def tell(
     from mobman.simulation.monitors import first_failure
 
     metrics, settings = record.metrics, record.settings
-    if as_json:
-        keys = ("status", "message", "metrics", "settings", "spec", "versions")
-        content = {key: getattr(record, key) for key in keys}
-        print_json({**content, "file": None if path is None else str(path)})
-        return
+    keys = ("status", "message", "metrics", "settings", "spec", "versions")
+    content = {key: getattr(record, key) for key in keys}
+    report({**content, "file": None if path is None else str(path)})
     out = console()
     bounds = (
         settings if level() > 0 else {key: settings[key] for key in ("a", "A") if key in settings}
@@ -282,9 +277,7 @@ _TASK = (
 @option("--controller", metavar="FILE.py:NAME", help=_LAW)
 @option("--task", metavar="FILE.py:NAME", help=_TASK)
 @reports
-def rerun(
-    files: tuple[Path, ...], verifies: bool, output: Path | None, as_json: bool, **given: Any
-) -> None:
+def rerun(files: tuple[Path, ...], verifies: bool, output: Path | None, **given: Any) -> None:
     """Repeat the run of each record FILE from the file alone.
 
     No code is taken from the file. What is Python code, and not registered, is named by --robot,
@@ -314,20 +307,19 @@ def rerun(
             saved = None if output is None else record.save(output)
             if not verifies:
                 robot_run = own.robot or robot_of(record.spec["robot"], record.urdf)
-                tell(record, robot_run, saved, as_json=as_json)
+                tell(record, robot_run, saved)
                 failed |= not _went_well(record)
                 continue
             failed |= not found.equal
             told.append(_as_json(file, found, saved))
-            if not as_json:
-                _print(file, found, saved)
+            _print(file, found, saved)
         except MobmanError as error:
             if len(files) == 1:
                 raise
             note(error)
             failed = True
-    if verifies and as_json:
-        print_json(told)
+    if verifies:
+        report(told)
     if failed:
         raise Exit(1)
 

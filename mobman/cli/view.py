@@ -12,7 +12,7 @@ from typing import Any
 from click import BadParameter, Choice, Context, FloatRange, Parameter, argument, command, option
 
 from mobman.cli.options import FILE, FORCE, PORT, POSITIVE, check_new, complete, reports
-from mobman.cli.output import echo, note, print_json, progress_bar
+from mobman.cli.output import echo, note, progress_bar, report
 from mobman.errors import UsageError
 
 _ENDINGS = {"html": (".html", ".htm"), "png": (".png",), "gif": (".gif",), "mp4": (".mp4",)}
@@ -61,9 +61,7 @@ _TIME = (
 @option("--speed", type=POSITIVE, default=1.0, help="Speed of a film: seconds of the run a second.")
 @FORCE
 @reports
-def view(
-    what: tuple[str, ...], html: Path | None, png: Path | None, as_json: bool, **given: Any
-) -> None:
+def view(what: tuple[str, ...], html: Path | None, png: Path | None, **given: Any) -> None:
     """Look at ROBOT (a name, a TOML file or a URDF), at a run, or at several runs in one scene.
 
     Without an option that writes a file, the page is served until Ctrl-C.
@@ -90,9 +88,8 @@ def view(
             with progress_bar(path.name) as progress:
                 written.append(("film", shown.save(path, **film, progress=progress)))
         sizes = [(kind, path, path.stat().st_size) for kind, path in written]
-        if as_json and written:
-            print_json([{"kind": k, "file": str(path), "bytes": size} for k, path, size in sizes])
-            return
+        if written:
+            report([{"kind": k, "file": str(path), "bytes": size} for k, path, size in sizes])
         for kind, path, size in sizes:
             echo(f"{kind}: {path} ({size / 1e6:.2f} MB)")
         if not written:
@@ -115,7 +112,7 @@ def _serve(shown: Any, no_browser: bool) -> None:
 @option("-o", "--output", type=FILE, required=True, help=".csv, .mcap or .xml (MuJoCo).")
 @FORCE
 @reports
-def export(what: str, output: Path, force: bool, as_json: bool) -> None:
+def export(what: str, output: Path, force: bool) -> None:
     """Write a run as CSV or MCAP (Foxglove), or a robot, or that of a run, as MuJoCo's XML."""
     from mobman.bridges.export import SUFFIXES
     from mobman.bridges.export import export as write
@@ -124,7 +121,5 @@ def export(what: str, output: Path, force: bool, as_json: bool) -> None:
     for remark in write(what, output):
         warnings.warn(remark, stacklevel=1)
     size = output.stat().st_size
-    if as_json:
-        print_json({"file": str(output), "bytes": size})
-    else:
-        echo(f"{output} ({size / 1e6:.2f} MB)")
+    report({"file": str(output), "bytes": size})
+    echo(f"{output} ({size / 1e6:.2f} MB)")

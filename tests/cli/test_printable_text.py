@@ -53,8 +53,9 @@ def test_console_escapes_strings_and_cells(monkeypatch):
     assert ":smile: [b]" in shown
 
 
-def test_json_stays_json(capsys):
-    output.print_json({"text": HOSTILE})
+def test_json_stays_json(capsys, monkeypatch):
+    monkeypatch.setattr(output, "wants_json", lambda: True)
+    output.report({"text": HOSTILE})
     shown = capsys.readouterr().out
     assert not STEERING.findall(shown)
     assert json.loads(shown) == {"text": HOSTILE}
@@ -92,7 +93,7 @@ def test_errors_that_quote_a_file(robot, tmp_path):
 def test_records_texts(capsys):
     record = mm.simulate("youbot", "tsm", "circle", duration=0.01)
     record.robot = record.task = record.status = HOSTILE
-    tell(record, mm.load_robot("youbot"), None, as_json=False)
+    tell(record, mm.load_robot("youbot"), None)
     shown = capsys.readouterr().out
     assert not STEERING.findall(shown)
     assert shown.count(ESCAPED) == 3

@@ -64,7 +64,7 @@ class Described(NamedTuple):
         template = jinja2.Template(text, trim_blocks=True, undefined=jinja2.StrictUndefined)
         tools = {"beside": _beside, "comment": _comment, "field": _field, "toml": _toml}
         known = {**self._asdict(), **about, "heading": heading, "usual": CriterionSource()}
-        return f"{template.render(known, **tools)}\n"
+        return str(template.render(known, **tools))
 
     def spec(self) -> RobotSpec:
         """The description itself, its files where they are."""
