@@ -45,6 +45,33 @@ class WheeledBody(Body):
     wheel_effort: float = Field(0.0, ge=0)  # largest torque on a wheel (N m); 0: not known
 
 
+class SpreadBody(WheeledBody):
+    """The same with wheels on a rectangle or on a circle."""
+
+    wheelbase: float | None = Field(None, gt=0)
+    """On a rectangle: distance of the front and the rear ones (m)."""
+    half_track: float | None = Field(None, gt=0)
+    """On a rectangle: half the distance of the right and the left ones (m)."""
+    circle: float | None = Field(None, gt=0)  # on a circle: its radius (m)
+    angles: list[float] = []  # where on the circle they are, from forward, anticlockwise (rad)
+
+    def spots(self, origin: str, on_circle: bool, why: str) -> dict[str, tuple[float, float]]:
+        """Places of the wheels ahead and to the left (m), by name; ``why`` fields are needed is said if
+        one is missing.
+
+        Raises:
+            SpecError: If one is.
+        """
+        if on_circle:
+            r = required(origin, "body.circle", self.circle, why)
+            angles = required(origin, "body.angles", self.angles, why)
+            return {f"{i}": (r * math.cos(a), r * math.sin(a)) for i, a in enumerate(angles, 1)}
+        x = 0.5 * required(origin, "body.wheelbase", self.wheelbase, why)
+        y = required(origin, "body.half_track", self.half_track, why)
+        ends, sides = (("front", x), ("rear", -x)), (("left", y), ("right", -y))
+        return {f"{end}_{side}": (a, b) for end, a in ends for side, b in sides}
+
+
 T = TypeVar("T")
 
 

@@ -7,11 +7,10 @@ from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.model.platforms.body import WheeledBody, WheelPart, required
+from mobman.model.platforms.body import SpreadBody, WheelPart
 from mobman.model.platforms.body_frame import BodyFramePlatform
 from mobman.model.platforms.platform import Site, Wheel, WheeledFields, platforms
 from mobman.model.platforms.wheels import (
@@ -24,18 +23,6 @@ from mobman.model.platforms.wheels import (
 _SINGULAR = 1e-3  # ratio of singular values below which the wheels leave a direction free
 
 
-class OmnidirectionalBody(WheeledBody):
-    """The fields of ``[platform.body]``: wheels on a rectangle (mecanum) or on a circle (omni)."""
-
-    wheelbase: float | None = Field(None, gt=0)
-    """Mecanum: distance of the front and the rear axle (m)."""
-    half_track: float | None = Field(None, gt=0)
-    """Mecanum: half the distance of the right and the left wheels (m)."""
-    circle: float | None = Field(None, gt=0)  # omni: distance of the wheels from the centre (m)
-    angles: list[float] = []
-    """Omni: where on the circle they are, from forward, anticlockwise (rad)."""
-
-
 class OmnidirectionalParameters(WheeledFields):
     """The fields of ``[platform]`` for ``type = "omnidirectional"``."""
 
@@ -45,7 +32,7 @@ class OmnidirectionalParameters(WheeledFields):
     """For each wheel, the axis of the roller that touches the ground, seen from above and from the
     wheel's forward direction, anticlockwise (rad). By default 0 for omni wheels; for mecanum wheels
     -pi/4 front left and rear right, pi/4 front right and rear left."""
-    body: OmnidirectionalBody | None = None  # the platform by its numbers instead of by a URDF
+    body: SpreadBody | None = None  # the platform by its numbers instead of by a URDF
 
 
 @platforms.register("omnidirectional")
@@ -69,7 +56,8 @@ class Omnidirectional(BodyFramePlatform):
     fields = OmnidirectionalParameters
 
     def __init__(self, site: Site, given: OmnidirectionalParameters) -> None:
-        places = Named(site, given).rolling(*_names(given))
+        own = _spots(given, site.origin)
+        places = Named(site, given).rolling(*(f"wheel_{name}" for name in own))
         names = joints_of(places)
         if len(set(names)) < max(3, len(names)):
             raise site.fault("wheels", f" is {names}; allowed: three or more different joints")
@@ -109,19 +97,10 @@ class Omnidirectional(BodyFramePlatform):
     @classmethod
     def parts(cls, given: Any, origin: str) -> Iterable[WheelPart]:
         """Wheels on a rectangle or on a circle."""
-        body, why = given.body, f"{given.kind} wheels need it"
-        if given.kind == "mecanum":
-            x = 0.5 * required(origin, "body.wheelbase", body.wheelbase, why)
-            y = required(origin, "body.half_track", body.half_track, why)
-            places = [(x, y, 0.0), (x, -y, 0.0), (-x, y, 0.0), (-x, -y, 0.0)]
-        else:
-            circle = required(origin, "body.circle", body.circle, why)
-            angles = required(origin, "body.angles", body.angles, why)
-            places = [
-                (circle * math.cos(a), circle * math.sin(a), a - 0.5 * math.pi) for a in angles
-            ]
-        for name, (x, y, yaw) in zip(_names(given), places, strict=True):
-            yield WheelPart(name, (x, y, given.wheel_radius), yaw)
+        angles = given.body.angles if given.kind == "omni" else [0.5 * math.pi] * 4
+        for (name, spot), angle in zip(_spots(given, origin).items(), angles, strict=True):
+            place = *spot, given.wheel_radius
+            yield WheelPart(f"wheel_{name}", place, angle - 0.5 * math.pi)
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -149,9 +128,8 @@ def _roller_angles(
     return -0.25 * math.pi * np.sign(positions[:, 0] * positions[:, 1])
 
 
-def _names(given: OmnidirectionalParameters) -> list[str]:
-    """Names of the wheels' joints of a platform described by its numbers."""
-    if given.kind == "mecanum":
-        return [f"wheel_{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
-    count = len(given.body.angles) if given.body is not None else 0
-    return [f"wheel_{i + 1}" for i in range(count)]
+def _spots(given: OmnidirectionalParameters, origin: str) -> dict[str, tuple[float, float]]:
+    """Places of the wheels of a platform described by its numbers (m), by name."""
+    if given.body is None:
+        return {}
+    return given.body.spots(origin, given.kind == "omni", f"{given.kind} wheels need it")

@@ -26,7 +26,7 @@ from mobman.arrays import Array, Matrix, Tensor, Vector
 from mobman.compiled import kernel
 from mobman.errors import UsageError
 from mobman.linalg import cholesky, cholesky_solve
-from mobman.model.platforms.body import Knuckle, WheeledBody, WheelPart, required
+from mobman.model.platforms.body import Knuckle, SpreadBody, WheelPart
 from mobman.model.platforms.platform import (
     Equations,
     Platform,
@@ -53,18 +53,11 @@ from mobman.model.platforms.wheels import (
 from mobman.robots.urdf.compose import TRAVEL_JOINTS
 
 _ON_AXIS = 1e-6  # of |zeta|: below it the centre of rotation is on the steering axis
-_CORNERS = tuple(f"{end}_{side}" for end in ("front", "rear") for side in ("left", "right"))
 
 
-class SwerveBody(WheeledBody):
+class SwerveBody(SpreadBody):
     """The fields of ``[platform.body]``: modules on a rectangle, or on a circle."""
 
-    wheelbase: float | None = Field(None, gt=0)
-    """Four modules: distance of the front and the rear ones (m)."""
-    half_track: float | None = Field(None, gt=0)
-    """Four modules: half the distance of the right and the left ones (m)."""
-    circle: float | None = Field(None, gt=0)  # modules on a circle: its radius (m)
-    angles: list[float] = []  # their places on the circle, from forward, anticlockwise (rad)
     steering_velocity: float = Field(0.0, ge=0)  # largest steering rate (rad/s); 0: not known
     steering_effort: float = Field(0.0, ge=0)  # largest steering torque (N m); 0: not known
     module_mass: float = Field(gt=0)  # mass of what a steering joint turns, without the wheel (kg)
@@ -155,7 +148,7 @@ class Swerve(Platform):
     ) -> tuple[complex, list[Module], list[ModuleWheel], float]:
         """The reference point (m), the steering joints and behind them the places where nothing is
         steered, the wheels, and the height of their centres (m), from the root link's origin."""
-        own = _spots(given.body, "") if given.body is not None else {}
+        own = _spots(given.body) if given.body is not None else {}
         axes, places = located(Named(site, given), own, own)
         if len(axes) < 2:
             raise site.fault(
@@ -198,17 +191,10 @@ class Swerve(Platform):
 # Reading a description --------------------------------------------------------------------------------
 
 
-def _spots(body: SwerveBody, origin: str) -> dict[str, tuple[float, float]]:
+def _spots(body: SwerveBody, origin: str = "") -> dict[str, tuple[float, float]]:
     """Places of the modules of a platform described by its numbers (m), by name."""
-    if body.circle is not None or body.angles:
-        circle = required(origin, "body.circle", body.circle, "the modules' angles are given")
-        angles = required(origin, "body.angles", body.angles, "the modules' circle is given")
-        spots = [(circle * math.cos(a), circle * math.sin(a)) for a in angles]
-        return {str(i): spot for i, spot in enumerate(spots, start=1)}
-    why = "give it with body.half_track, or body.circle and body.angles"
-    x = 0.5 * required(origin, "body.wheelbase", body.wheelbase, why)
-    y = required(origin, "body.half_track", body.half_track, "four modules need it")
-    return dict(zip(_CORNERS, [(x, y), (x, -y), (-x, y), (-x, -y)], strict=True))
+    why = "modules need body.wheelbase and body.half_track, or body.circle and body.angles"
+    return body.spots(origin, body.circle is not None or bool(body.angles), why)
 
 
 def located(
