@@ -48,17 +48,25 @@ def row(
 
 
 @kernel
+def _turned(c: float, s: float, theta: float, gamma: float) -> tuple[float, float, float, float]:
+    """Cosine and sine of theta + gamma and of gamma; ``c`` and ``s`` are those of theta, most rows'."""
+    if gamma == 0.0:
+        return c, s, 1.0, 0.0
+    both = theta + gamma
+    return math.cos(both), math.sin(both), math.cos(gamma), math.sin(gamma)
+
+
+@kernel
 def constraints(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None:
     """A and its derivatives."""
     k, l = A.shape
+    c_0, s_0 = math.cos(x[2]), math.sin(x[2])
     A_x[:, :, :] = 0.0
     for i in range(k):
         at = i * (6 + l)
         j, sign = int(parameters[at]), parameters[at + 1]
         ahead, left = parameters[at + 2], parameters[at + 3]
-        gamma = sign * x[j]
-        c, s = math.cos(x[2] + gamma), math.sin(x[2] + gamma)
-        cg, sg = math.cos(gamma), math.sin(gamma)
+        c, s, cg, sg = _turned(c_0, s_0, x[2], sign * x[j])
         for m in range(l):
             A[i, m] = parameters[at + 6 + m]
         A[i, 0] += c * ahead - s * left
@@ -76,37 +84,37 @@ def constraint_derivative_rate(
 ) -> None:
     """d/dt of the derivatives of A."""
     k, l, _ = A_x_rate.shape
+    c_0, s_0 = math.cos(x[2]), math.sin(x[2])
     A_x_rate[:, :, :] = 0.0
     for i in range(k):
         at = i * (6 + l)
         j, sign = int(parameters[at]), parameters[at + 1]
         ahead, left = parameters[at + 2], parameters[at + 3]
-        gamma, turning = sign * x[j], sign * x_dot[j]
+        turning = sign * x_dot[j]
         both = x_dot[2] + turning
-        c, s = math.cos(x[2] + gamma) * both, math.sin(x[2] + gamma) * both
-        cg, sg = math.cos(gamma) * turning, math.sin(gamma) * turning
+        c, s, cg, sg = _turned(c_0, s_0, x[2], sign * x[j])
+        c, s = c * both, s * both
         A_x_rate[i, 0, 2], A_x_rate[i, 1, 2] = -c * ahead + s * left, -s * ahead - c * left
         A_x_rate[i, 0, j] += sign * A_x_rate[i, 0, 2]
         A_x_rate[i, 1, j] += sign * A_x_rate[i, 1, 2]
-        A_x_rate[i, 2, j] -= sign * (parameters[at + 4] * sg + parameters[at + 5] * cg)
+        A_x_rate[i, 2, j] -= sign * turning * (parameters[at + 4] * sg + parameters[at + 5] * cg)
 
 
 @kernel
 def wheel_rates(parameters: Vector, x: Vector, first: int, N: Matrix) -> None:
     """Fill the wheels' rows of N from its other ones; ``first`` is the number of their first in A."""
     l, p = N.shape
+    c_0, s_0 = math.cos(x[2]), math.sin(x[2])
     for i in range(first, l - p):
         at = i * (6 + l)
         ahead, left = parameters[at + 2], parameters[at + 3]
         gamma = parameters[at + 1] * x[int(parameters[at])]
-        c, s = math.cos(x[2] + gamma), math.sin(x[2] + gamma)
-        lever = parameters[at + 4] * math.sin(gamma) + parameters[at + 5] * math.cos(gamma)
+        c, s, cg, sg = _turned(c_0, s_0, x[2], gamma)
+        along, across = c * ahead - s * left, s * ahead + c * left
+        lever = parameters[at + 4] * sg + parameters[at + 5] * cg
         for j in range(p):
-            speed = (c * ahead - s * left) * N[0, j] + (s * ahead + c * left) * N[1, j]
-            speed += lever * N[2, j]
-            for m in range(2, p + first):
-                speed += parameters[at + 6 + m] * N[m, j]
-            N[p + i, j] = -speed / parameters[at + 6 + p + i]
+            N[p + i, j] = along * N[0, j] + across * N[1, j] + lever * N[2, j]
+        _roll(parameters[at + 6 : at + 6 + l], first, i, N)
 
 
 @kernel
@@ -121,21 +129,30 @@ def wheel_rates_rate(
     """Fill the wheels' rows of dN/dt from its other ones, where only the first velocity moves the pose;
     ``pose`` are its entries of N."""
     l, p = N_rate.shape
+    c_0, s_0 = math.cos(x[2]), math.sin(x[2])
     for i in range(first, l - p):
         at = i * (6 + l)
+        j, sign = int(parameters[at]), parameters[at + 1]
         ahead, left = parameters[at + 2], parameters[at + 3]
-        gamma = parameters[at + 1] * x[int(parameters[at])]
-        turning = parameters[at + 1] * x_dot[int(parameters[at])]
-        both = x_dot[2] + turning
-        c, s = math.cos(x[2] + gamma), math.sin(x[2] + gamma)
-        cg, sg = math.cos(gamma), math.sin(gamma)
+        c, s, cg, sg = _turned(c_0, s_0, x[2], sign * x[j])
         along, across = c * ahead - s * left, s * ahead + c * left
         lever = parameters[at + 4] * sg + parameters[at + 5] * cg
-        for j in range(p):
-            change = along * N_rate[0, j] + across * N_rate[1, j] + lever * N_rate[2, j]
-            if j == 0:
-                change += both * (along * pose[1] - across * pose[0])
-                change += turning * (parameters[at + 4] * cg - parameters[at + 5] * sg) * pose[2]
-            for m in range(2, p + first):
-                change += parameters[at + 6 + m] * N_rate[m, j]
-            N_rate[p + i, j] = -change / parameters[at + 6 + p + i]
+        for m in range(p):
+            N_rate[p + i, m] = along * N_rate[0, m] + across * N_rate[1, m] + lever * N_rate[2, m]
+        turning = sign * x_dot[j]
+        change = (x_dot[2] + turning) * (along * pose[1] - across * pose[0])
+        change += turning * (parameters[at + 4] * cg - parameters[at + 5] * sg) * pose[2]
+        N_rate[p + i, 0] += change
+        _roll(parameters[at + 6 : at + 6 + l], first, i, N_rate)
+
+
+@kernel
+def _roll(others: Vector, first: int, i: int, N: Matrix) -> None:
+    """Add the other coordinates' part to a wheel's row, and divide by what turns the wheel."""
+    p = N.shape[1]
+    for m in range(2, p + first):
+        if others[m] != 0.0:
+            for j in range(p):
+                N[p + i, j] += others[m] * N[m, j]
+    for j in range(p):
+        N[p + i, j] /= -others[p + i]
