@@ -23,6 +23,7 @@ from mobman.toml_model import read_toml, validate
 
 SUFFIX = "-tuned"
 """End of the label of tuned gains."""
+_SPACES = Path(__file__).with_name("spaces.toml")
 
 
 class Candidates(NamedTuple):
@@ -72,7 +73,7 @@ def candidates(suite: Suite, asked: Sequence[str] | None = None) -> Candidates:
 
 
 def law_space(law: str) -> Space | None:
-    """The space that is declared for a law, by ``spaces/LAW.toml`` or its attribute ``search_space``, or
+    """The space that is declared for a law, by its attribute ``search_space`` or in ``spaces.toml``, or
     None.
 
     Raises:
@@ -81,11 +82,12 @@ def law_space(law: str) -> Space | None:
     declared = getattr(controllers.get(law), "search_space", None)
     where = f"search_space of the controller {law!r}"
     if declared is None:
-        files = {path.stem: path for path in (Path(__file__).parent / "spaces").glob("*.toml")}
-        if law not in files:
-            return None
-        where = str(files[law])
-        declared = read_toml(files[law], "search space")
+        spaces = read_toml(_SPACES, "file of search spaces")
+        declared = spaces.get(law)
+        declared = spaces[declared] if isinstance(declared, str) else declared
+        where = f"{_SPACES}: {law}"
+    if declared is None:
+        return None
     return _checked(law, validate(RootModel[Space], declared, where).root, where)
 
 
@@ -155,9 +157,7 @@ def tuning_runs(
 
 def own_scenarios() -> dict[str, dict[str, Any]]:
     """mobman's scenarios for tuning, by name: their fields."""
-    files = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
-    contents = [read_toml(path, "scenario file") for path in files]
-    return {fields.pop("name"): fields for fields in contents}
+    return read_toml(Path(__file__).with_name("scenarios.toml"), "file of scenarios")
 
 
 def _pairs(tuning: Tuning, reported: Iterable[RunSpec]) -> list[tuple[str, str]]:
