@@ -27,8 +27,10 @@ SPAN = {"x": {"field": "from", "type": "quantitative"}, "x2": {"field": "to"}}
 _SCHEMA = "https://vega.github.io/schema/vega-lite/v6.json"
 _PARTS = 3  # axes of motors of like size
 _PICK = {"type": "point", "fields": ["label"], "toggle": "true"}
-_ZOOM = {"type": "interval", "zoom": "wheel![event.shiftKey]"}  # the plain one scrolls the page
+_ZOOM = {"type": "interval", "encodings": ["x"], "zoom": "wheel![event.shiftKey]"}
+"""By the wheel with Shift: the plain one is for scrolling the page."""
 _NEAR = {"type": "point", "nearest": True, "on": "pointerover", "clear": "pointerout"}
+_NONE: Spec = {"values": []}
 
 
 class Curve(NamedTuple):
@@ -49,9 +51,8 @@ def panel(
     rows: Rows,
     *,
     height: float,
-    zoom: str = "",
+    zoom: bool = True,
     legend: bool = True,
-    near: str = "",
     heading: str = "",
 ) -> Spec:
     """Make the chart of layers on top of one another.
@@ -61,28 +62,26 @@ def panel(
         layers: First the one with the looks; those with rows of their own, but none, are left out.
         rows: Of all other layers.
         height: Of the panel (px).
-        zoom: Axes to zoom: ``"x"``, ``"xy"`` or none.
+        zoom: True if the horizontal axis can be moved and zoomed.
         legend: True if there is one, whose names can be clicked.
-        near: Field along which the pointer finds the nearest point, if there is a :func:`hovered` layer.
         heading: Words above the panel.
     """
     first, *others = layers
-    first = {**first, "name": "main"}
-    params = []
-    if near:
-        near_by = {**_NEAR, "fields": ["label", near]}
-        params.append({"name": "near", "select": near_by, "views": ["hover"]})
+    near = [own["encoding"]["x"]["field"] for own in others if own.get("name") == "hover"]
+    params: list[Spec] = [
+        {"name": "near", "select": {**_NEAR, "fields": ["label", x]}, "views": ["hover"]}
+        for x in near
+    ]
     if legend:
         params.append({"name": "pick", "select": _PICK, "bind": "legend", "views": ["main"]})
     if zoom:
-        how = {**_ZOOM, "encodings": list(zoom)}
-        params.append({"name": "zoom", "select": how, "bind": "scales", "views": ["main"]})
+        params.append({"name": "zoom", "select": _ZOOM, "bind": "scales", "views": ["main"]})
     return {
         "$schema": _SCHEMA,
         "description": printable(title),
         **({"title": printable(heading)} if heading else {}),
-        "data": values_of(rows),
-        "layer": [first, *(own for own in others if own.get("data", {}).get("values", True))],
+        "data": _data(rows),
+        "layer": [{**first, "name": "main"}, *(own for own in others if own.get("data") != _NONE)],
         "params": params,
         "width": "container",
         "height": height,
@@ -104,19 +103,18 @@ def layer(
     By default it has the rows of the chart: with lists in fields, which are flattened, or those only for
     which an expression is true.
     """
-    transforms: list[Spec] = [{"flatten": list(flatten)}] if flatten else []
-    transforms += [{"filter": only}] if only else []
-    return {
-        **({"name": name} if name else {}),
-        **({"data": values_of(rows)} if rows is not None else {}),
-        **({"transform": transforms} if transforms else {}),
+    flattened = [{"flatten": list(flatten)}] if flatten else []
+    parts = {
+        "name": name,
+        "data": None if rows is None else _data(rows),
+        "transform": [*flattened, *([{"filter": only}] if only else [])],
         "mark": {"type": mark, **look},
         "encoding": dict(encoding),
     }
+    return {key: part for key, part in parts.items() if part}
 
 
-def values_of(rows: Rows) -> Spec:
-    """Make the data of rows."""
+def _data(rows: Rows) -> Spec:
     return {"values": [{key: _value(value) for key, value in row.items()} for row in rows]}
 
 
@@ -173,9 +171,8 @@ def hovered(x: str, y: str, flatten: Sequence[str]) -> Spec:
 def line_at(channel: str, values: Iterable[float], **look: Any) -> Spec:
     """Make a layer of dotted lines through the panel at some values."""
     look = {"strokeDash": [2, 3], "color": GREY, **look}
-    return layer(
-        "rule", {channel: quantity("at")}, rows=[{"at": value} for value in values], **look
-    )
+    rows = [{"at": value} for value in values]
+    return layer("rule", {channel: quantity("at")}, rows=rows, **look)
 
 
 def log_axis(low: float, high: float, title: str, end: float | None = None) -> dict[str, Any]:
@@ -335,7 +332,7 @@ def time_chart(
         layer("point", {**at_ends, "tooltip": [nominal("ended")]}, rows=ends, **cross),
         hovered("t", "y", lists),
     ]
-    return panel(title, layers, rows, height=height, zoom="x", near="t", heading=heading)
+    return panel(title, layers, rows, height=height, heading=heading)
 
 
 def _around(values: Array) -> tuple[float, float]:

@@ -94,9 +94,9 @@ def _errors(
     shape = {"shape": look.pop("shape")}
     colours = {channel: how for channel, how in look.items() if channel in ("color", "opacity")}
     error = {vertical: quantity("error", **log_axis(low, high, _ERROR, end))}
-    found_only = "!datum.failed"  # of failures there is no height
+    good = "!datum.failed"  # of failures there is no height
     if joined:
-        layers = [layer("line", {**error, **against, **look}, only=found_only)]
+        layers = [layer("line", {**error, **against, **look}, only=good)]
     else:
         spread = {vertical: quantity("low"), f"{vertical}2": {"field": "high"}}
         layers = [layer("rule", {**spread, **against, **colours}, strokeWidth=3)]
@@ -113,11 +113,10 @@ def _errors(
         layer("rect", zone, rows=beyond, color=GREY, opacity=0.12),
         layer("line", stairs, rows=corners, interpolate="step-after", color=GREY, strokeWidth=1),
         parts.line_at(vertical, [SUCCESS] if low < SUCCESS < high else []),
-        layer("point", {**points, **shape}, only=found_only, filled=True, size=80),
+        layer("point", {**points, **shape}, only=good, filled=True, size=80),
         layer("point", points, only="datum.failed", **cross),
     ]
-    zoom = "x" if upright else ""
-    how: dict[str, Any] = {"height": height, "zoom": zoom, "legend": not alone}
+    how: dict[str, Any] = {"height": height, "zoom": upright, "legend": not alone}
     return parts.panel(title, layers, drawn, heading=heading, **how)
 
 
@@ -215,7 +214,7 @@ def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Fi
         layer("text", {**base, "text": nominal("text"), "color": ink}, fontSize=11),
     ]
     title = f"Heat map of the steady task error: {kind} by controllers"
-    spec = parts.panel(title, layers, rows, height=22.0 * len(shown), legend=False)
+    spec = parts.panel(title, layers, rows, height=22.0 * len(shown), zoom=False, legend=False)
     caption = f"Steady |e^e| (m), the median over {over}, {_MIDDLE}; darker is worse; {_HALF}"
     return Figure(name, [spec], caption), len(table) - len(shown)
 
@@ -326,8 +325,7 @@ def _profile(rows: list[dict[str, Any]], looks: Looks, axis: dict[str, Any], hea
         layers.append(layer("area", {**band, "color": look["color"]}, opacity=0.1, **how))
     layers.append(parts.hovered("x", "y", fields))
     title = "Performance profile and score profile of the steady task error"
-    options: dict[str, Any] = {"height": 250.0, "zoom": "x", "near": "x"}
-    return parts.panel(title, layers, rows, heading=heading, **options)
+    return parts.panel(title, layers, rows, height=250.0, heading=heading)
 
 
 def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure:
