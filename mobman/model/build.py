@@ -118,22 +118,15 @@ def make_platform(
     spec: RobotSpec, assembly: Assembly, parameters: dict[str, Any], track: float = 1.0
 ) -> Platform:
     """A robot's platform from fields of ``[platform]``; where the wheels are says where its frame is,
-    and ``track`` is a factor of their distances.
-
-    Raises:
-        SpecError: If a field is wrong.
-    """
+    and ``track`` is a factor of their distances. SpecError if a field is wrong."""
     still = _parse(spec, flat_urdf(deepcopy(assembly.robot), spec.where, base_joints=()))
     site = Site(parameters, still, spec.where, spec.folder, track)
     return platform_type(spec).build(site)
 
 
 def load_geometry(robot: MobileManipulator) -> Geometry:
-    """The robot's visual and collision geometry, in the frames of ``robot.model``.
-
-    Raises:
-        SpecError: If a mesh is missing or cannot be read.
-    """
+    """The robot's visual and collision geometry, in the frames of ``robot.model``; SpecError if a mesh
+    is missing or cannot be read."""
     spec, where = robot.spec, robot.spec.where
     assembly = assemble(spec, robot.urdf, absolute_meshes)
     try:

@@ -155,12 +155,8 @@ class Clearance(Term):
     margin: float = Field(0.2, gt=0)  # b (m)
 
     def on(self, robot: MobileManipulator) -> Criterion:
-        """The term for a robot.
-
-        Raises:
-            UsageError: If it has no collision geometry, or stands in an obstacle at rest.
-            SpecError: If a mesh of its geometry cannot be read.
-        """
+        """The term for a robot; UsageError if it has no collision geometry, or stands in an obstacle at
+        rest; SpecError if a mesh of its geometry cannot be read."""
         term = LinkClearance(robot, self)
         if not term.radii.size:
             raise UsageError(f"criterion 'clearance': {robot.name!r} has no collision geometry")

@@ -24,11 +24,7 @@ class JointLimitAvoidance(Term):
     zone: float = Field(0.15, gt=0, le=0.5)  # width of each zone, as a share of the joint's range
 
     def on(self, robot: MobileManipulator) -> Criterion:
-        """The term for a robot.
-
-        Raises:
-            UsageError: If no joint of its arm has limits.
-        """
+        """The term for a robot; UsageError if no joint of its arm has limits."""
         zones = LimitZones(robot, self.zone)
         if not zones.bounded:
             raise UsageError(

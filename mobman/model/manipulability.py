@@ -23,11 +23,8 @@ class Manipulability(Term):
     """
 
     def on(self, robot: MobileManipulator) -> Criterion:
-        """The term for a robot.
-
-        Raises:
-            UsageError: If its arm alone cannot move the tip in all directions at rest.
-        """
+        """The term for a robot; UsageError if its arm alone cannot move the tip in all directions at
+        rest."""
         term = _Arm(robot, self.weight)
         A = term.inertia_like(robot.q_rest)
         if not np.linalg.det(A) > _RANK * (np.trace(A) / 3.0) ** 3:

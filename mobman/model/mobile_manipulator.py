@@ -448,11 +448,8 @@ def _least(bounds: Array, per_entry: Array) -> Array:
 
 
 def _vector(name: str, value: Any, length: int) -> Array:
-    """A vector that was given, as an array of floats.
-
-    Raises:
-        UsageError: If it has another shape, or not only finite numbers.
-    """
+    """A vector that was given, as an array of floats; UsageError if it has another shape, or not only
+    finite numbers."""
     try:
         vector = np.asarray(value).astype(float, casting="same_kind", copy=False)
     except (TypeError, ValueError, OverflowError) as error:

@@ -57,11 +57,7 @@ class SpreadBody(WheeledBody):
 
     def spots(self, origin: str, on_circle: bool, why: str) -> dict[str, tuple[float, float]]:
         """Places of the wheels ahead and to the left (m), by name; ``why`` fields are needed is said if
-        one is missing.
-
-        Raises:
-            SpecError: If one is.
-        """
+        one is missing. SpecError if one is."""
         if on_circle:
             r = required(origin, "body.circle", self.circle, why)
             angles = required(origin, "body.angles", self.angles, why)
@@ -96,11 +92,8 @@ class Knuckle(NamedTuple):
 
 
 def required(origin: str, field: str, value: T | None, why: str = "") -> T:
-    """A field of ``[platform]`` that a platform described by its numbers needs.
-
-    Raises:
-        SpecError: If it is missing.
-    """
+    """A field of ``[platform]`` that a platform described by its numbers needs; SpecError if it is
+    missing."""
     if value is None or value == []:
         reason = why or "[platform.body] has no URDF to read it from"
         raise SpecError(f"{origin}: field 'platform.{field}' is missing: {reason}")

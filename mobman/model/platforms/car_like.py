@@ -83,13 +83,11 @@ class CarLike(Platform):
     heading, the steering angle (of one joint, or of two that turn alike), the rear wheels (right,
     left) and, if they are named, the front wheels. :math:`\alpha = (\alpha_1, \dot\delta)` with
     :math:`\alpha_1` the mean rate of the rear wheels (rad/s): :math:`v = R\alpha_1`,
-    :math:`\dot\theta = v\tan\delta/L`, :math:`\dot\phi = \alpha_1(1 \pm W\tan\delta/L)`. The engine's
-    torque is shared equally between the rear wheels, a second motor steers: B is the identity. At
-    :math:`|\delta| = \pi/2` the model has a singularity; the limits of the steering joint are to
-    exclude it.
-
-    Raises:
-        SpecError: If the wheels are not on one axle, or the steering joints not ahead of it.
+    :math:`\dot\theta = v\tan\delta/L`, :math:`\dot\phi = \alpha_1(1 \pm W\tan\delta/L)`. The
+    engine's torque is shared equally between the rear wheels, a second motor steers: B is the
+    identity. At :math:`|\delta| = \pi/2` the model has a singularity; the limits of the steering
+    joint are to exclude it. SpecError if the wheels are not on one axle, or the steering joints not
+    ahead of it.
     """
 
     fields = CarLikeParameters

@@ -78,11 +78,8 @@ class PlatformDefinition(Protocol):
 
 @platforms.register("custom")
 class Custom(Platform):
-    """A platform defined by the user's A(x) and N(x).
-
-    Raises:
-        SpecError: If the definition lacks something, gives wrong shapes, or A N is not 0.
-    """
+    """A platform defined by the user's A(x) and N(x); SpecError if the definition lacks something, gives
+    wrong shapes, or A N is not 0."""
 
     fields = CustomParameters
 

@@ -47,10 +47,8 @@ class Omnidirectional(BodyFramePlatform):
 
     The commands are the force and the torque on the platform (N, N, N m), so that B is the identity;
     the w motors share them with the least sum of squares, :math:`\tau = W(W^TW)^{-1} v` for
-    :math:`\dot\phi = W\alpha`.
-
-    Raises:
-        SpecError: If the wheels are less than three, or leave a direction of motion free.
+    :math:`\dot\phi = W\alpha`. SpecError if the wheels are less than three, or leave a direction of
+    motion free.
     """
 
     fields = OmnidirectionalParameters

@@ -66,11 +66,7 @@ class Site(NamedTuple):
     """Factor of the wheels' distances to the left and right of the root link's origin."""
 
     def read(self, model: type[M]) -> M:
-        """The fields of ``[platform]``.
-
-        Raises:
-            SpecError: If one is wrong.
-        """
+        """The fields of ``[platform]``; SpecError if one is wrong."""
         return validate(model, self.parameters, f"{self.origin}: [platform]")
 
     def fault(self, field: str, text: str) -> SpecError:

@@ -200,11 +200,8 @@ def _spots(body: SwerveBody, origin: str = "") -> dict[str, tuple[float, float]]
 def located(
     named: Named, steering: Iterable[str], wheels: Iterable[str]
 ) -> tuple[list[JointPlace], list[JointPlace]]:
-    """Locate steering joints and wheels, which on a platform by its numbers are called after places.
-
-    Raises:
-        SpecError: If one is there twice, or not where it can steer or roll.
-    """
+    """Locate steering joints and wheels, which on a platform by its numbers are called after places;
+    SpecError if one is there twice, or not where it can steer or roll."""
     axes = named.steering("steering", *(f"steering_{name}" for name in steering))
     places = named.rolling(*(f"wheel_{name}" for name in wheels))
     for field, found in (("steering", axes), ("wheels", places)):
@@ -225,11 +222,8 @@ def height_of(wheels: Sequence[JointPlace]) -> float:
 def modules_of(
     site: Site, axes: Sequence[JointPlace], places: Sequence[JointPlace], middle: complex
 ) -> tuple[list[Module], list[ModuleWheel]]:
-    """The modules of steering joints and the wheels behind these, from a reference point (m).
-
-    Raises:
-        SpecError: If a wheel is carried by none of the joints or several, or is not beside its axis.
-    """
+    """The modules of steering joints and the wheels behind these, from a reference point (m); SpecError
+    if a wheel is carried by none of the joints or several, or is not beside its axis."""
     carried, steering = [], joints_of(axes)
     for place in places:
         above = carriers(site, place)

@@ -55,12 +55,10 @@ class Turret(BodyFramePlatform):
 
     Coordinates :math:`x = (x_1, x_2, \theta, \psi, \phi_1, \phi_2)`: the turret's axis, the body's
     heading, the turret's angle, right and left wheel. :math:`\alpha = (\dot\phi_1, \dot\phi_2,
-    \dot\psi)` are the motors' rates and the commands their torques: B is the identity. For URDFs whose
-    root link is the body, with the carriage behind the turret's joint; where the root link is the
-    carriage, that joint is the arm's first one on a differential platform.
-
-    Raises:
-        SpecError: If the wheels are not behind the turret's joint, or its axis is above the axle.
+    \dot\psi)` are the motors' rates and the commands their torques: B is the identity. For URDFs
+    whose root link is the body, with the carriage behind the turret's joint; where the root link is
+    the carriage, that joint is the arm's first one on a differential platform. SpecError if the
+    wheels are not behind the turret's joint, or its axis is above the axle.
     """
 
     fields = TurretParameters

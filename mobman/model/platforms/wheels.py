@@ -77,11 +77,8 @@ def joint_place(site: Site, name: str, field: str, heading: float) -> JointPlace
 
 
 def wheel_place(site: Site, name: str, field: str, heading: float) -> JointPlace:
-    """Locate a wheel whose axis is along the platform's y.
-
-    Raises:
-        SpecError: If it is no movable joint, or its axis is another.
-    """
+    """Locate a wheel whose axis is along the platform's y; SpecError if it is no movable joint, or its
+    axis is another."""
     place = joint_place(site, name, field, heading)
     if abs(place.axis[1]) < math.cos(AXIS_TOLERANCE):
         raise site.fault(
@@ -106,10 +103,7 @@ class Named:
 
     def names(self, field: str, own: Iterable[str]) -> list[str]:
         """Names of the joints of a field, a name or a list of them; ``own`` are those by default.
-
-        Raises:
-            SpecError: If it is missing, and there is no ``[platform.body]``.
-        """
+        SpecError if it is missing, and there is no ``[platform.body]``."""
         value = getattr(self.given, field)
         named = [value] if isinstance(value, str) else list(value or ())
         if self.given.body is not None:
@@ -127,11 +121,7 @@ class Named:
         return [*self.wheels(right, own[0]), *self.wheels(left, own[1])]
 
     def steering(self, field: str, *own: str) -> list[JointPlace]:
-        """Places of a field's joints, about vertical axes.
-
-        Raises:
-            SpecError: If an axis is not vertical.
-        """
+        """Places of a field's joints, about vertical axes; SpecError if an axis is not vertical."""
         names, heading = self.names(field, own), self.given.heading
         places = [joint_place(self.site, name, field, heading) for name in names]
         for place in places:
@@ -144,11 +134,8 @@ class Named:
         return places
 
     def rolling(self, *own: str) -> list[JointPlace]:
-        """Places of the joints of field ``wheels``, about horizontal axes at one height.
-
-        Raises:
-            SpecError: If one has not such an axis.
-        """
+        """Places of the joints of field ``wheels``, about horizontal axes at one height; SpecError if
+        one has not such an axis."""
         names, heading = self.names("wheels", own), self.given.heading
         places = [joint_place(self.site, name, "wheels", heading) for name in names]
         for place in places:
