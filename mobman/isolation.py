@@ -129,13 +129,6 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=helper.forget)
 
 
-def limits(path: Path, *, seconds: float, per_megabyte: float) -> tuple[float, float]:
-    """The size of a file (MB), and the processor time that reading it may take (s); OSError if there is
-    none."""
-    size = path.stat().st_size / 1e6
-    return size, seconds + per_megabyte * size
-
-
 def serve() -> None:
     """Answer requests until the pipe that they come from is closed: the helper's main function."""
     source, target = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")

@@ -18,7 +18,7 @@ from mobman.arrays import Array
 from mobman.display import Displayed, Shown
 from mobman.errors import MobmanError, RecordError
 from mobman.files import as_path
-from mobman.isolation import Crash, helper, limits
+from mobman.isolation import Crash, helper
 from mobman.provenance import machine
 from mobman.simulation.record_file import APPLIED, DICTIONARIES, OPTIONAL, file_content, write_file
 
@@ -336,14 +336,14 @@ def _read(path: Path, whole: bool) -> dict[str, Any]:
                 f"it starts with {start!r}, not with HDF5's signature" if start else "it is empty"
             )
             raise RecordError(f"{path} is not a readable HDF5 file: {reason}; {_ALLOWED}")
-        megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
+        size = path.stat().st_size / 1e6
         answer: dict[str, Any] = helper.call(
             "mobman.simulation.record_reader:read",
             os.path.abspath(path),
             str(path),
             whole,
-            seconds=seconds,
-            megabytes=_MEGABYTES + _MEGABYTES_PER_MB * megabytes,
+            seconds=_SECONDS + _SECONDS_PER_MB * size,
+            megabytes=_MEGABYTES + _MEGABYTES_PER_MB * size,
         )
         return answer
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name

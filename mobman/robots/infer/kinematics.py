@@ -6,7 +6,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +34,7 @@ class Follows(NamedTuple):
     offset: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Joint:
     """A joint in the root link's frame, all joints at zero."""
 
@@ -47,10 +47,11 @@ class Joint:
     follows: Follows | None  # which other joint it follows, and how (mimic)
     centre: Array  # its origin (m), shape (3,)
     axis: Array  # unit vector, shape (3,); zero if it is fixed
+    virtual: bool = False  # as if it were fixed: it stands for the platform's motion
 
     @property
     def movable(self) -> bool:
-        return self.kind != "fixed"
+        return self.kind != "fixed" and not self.virtual
 
     @property
     def prismatic(self) -> bool:
@@ -108,20 +109,15 @@ class Tree:
         # of each link's frame in the root's (m)
         self.position = {name: place.translation for name, place in self._places.items()}
         self._shapes: dict[tuple[str, Use], list[Shape]] = {}
-        self._set_joints([self._joint(joint, data) for joint in robot.findall("joint")])
-        # planar joints in front of the base, which simulators that know no wheels want: to all else
-        # they are fixed
+        self.joints = [self._joint(joint, data) for joint in robot.findall("joint")]
+        self._above = {joint.child: joint for joint in self.joints}
+        self._children = {name: [j for j in self.joints if j.parent == name] for name in self.links}
+        # in front of the base, which simulators that know no wheels want
         self.virtual = self._virtual()
-        names = {joint.name for joint in self.virtual}
-        fixed = [replace(j, kind="fixed") if j.name in names else j for j in self.joints]
-        self._set_joints(fixed)
-
-    def _set_joints(self, joints: list[Joint]) -> None:
-        self.joints = joints  # in the file's order
+        for joint in self.virtual:
+            joint.virtual = True
         # with a degree of freedom, mimic joints included, virtual ones not
-        self.movable = [joint for joint in joints if joint.movable]
-        self._above = {joint.child: joint for joint in joints}
-        self._children = {name: [j for j in joints if j.parent == name] for name in self.links}
+        self.movable = [joint for joint in self.joints if joint.movable]
 
     def _joint(self, element: ET.Element, data: pin.Data) -> Joint:
         name, kind = element.get("name", ""), element.get("type", "")

@@ -26,7 +26,7 @@ import numpy as np
 
 from mobman.arrays import Array, Index
 from mobman.errors import MobmanError, SpecError
-from mobman.isolation import helper, limits
+from mobman.isolation import helper
 from mobman.robots.urdf.read import UrdfFile, share_folders, text_of
 from mobman.robots.urdf.validate import listed
 
@@ -254,15 +254,14 @@ class MeshError(MobmanError):
 def read_isolated(function: str, path: Path, *arguments: Any) -> Any:
     """The answer of a function ``"module:name"`` of a mesh's path and further arguments, in a process
     that a damaged file may crash; MeshError if it cannot be read."""
+    fault = f"cannot read the mesh {path}: it is no file"
     try:
-        megabytes, seconds = limits(path, seconds=_SECONDS, per_megabyte=_SECONDS_PER_MB)
-        memory, fault = _MEGABYTES + _MEGABYTES_PER_MB * megabytes, ""
-        if not path.is_file():
-            fault = f"cannot read the mesh {path}: it is no file"
-        elif megabytes > _MOST_MEGABYTES:
-            allowed = f"allowed: {_MOST_MEGABYTES:g} MB"
-            fault = f"the mesh {path} has {megabytes:.3g} MB; {allowed}"
-        if not fault:
+        size = path.stat().st_size / 1e6
+        if path.is_file():
+            fault = f"the mesh {path} has {size:.3g} MB; allowed: {_MOST_MEGABYTES:g} MB"
+        if path.is_file() and size <= _MOST_MEGABYTES:
+            seconds = _SECONDS + _SECONDS_PER_MB * size
+            memory = _MEGABYTES + _MEGABYTES_PER_MB * size
             return helper.call(function, str(path), *arguments, seconds=seconds, megabytes=memory)
     except (OSError, MobmanError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or error
