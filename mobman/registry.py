@@ -84,8 +84,7 @@ class Registry(Generic[T]):
         return sorted({*self.loaded(), *self._plugins()})
 
     def every(self) -> dict[str, T]:
-        """All things by name; third-party ones are loaded, and left out with one warning if that
-        fails."""
+        """All things by name; third-party ones that cannot be loaded are left out with one warning."""
         found = {}
         for name in self.names():
             if name not in self._broken:

@@ -204,8 +204,7 @@ def _parts(dotted: str) -> Place:
 def at_lines(
     faults: Mapping[str, Place], lines: TomlLines, words: Mapping[str, str] | None = None
 ) -> list[str]:
-    """Faults in the order of the file, with their lines, by the places of their fields and, of some, a
-    word of the field's value."""
+    """Faults in the order of the file, with the lines of their fields or of a word in these."""
     told = words or {}
     numbered = [(lines.line(at, told.get(fault, "")) or 0, fault) for fault, at in faults.items()]
     numbered.sort(key=lambda item: item[0])

@@ -114,8 +114,7 @@ class PolicyController:
         return values.astype(float)
 
     def torque(self, action: Any, q: Array, z: Array) -> Array:
-        """The torque (N m, N) of an action at the measured state, shape (nz,); errors as
-        :meth:`checked`."""
+        """The torque (N m, N) of an action at the measured state, shape (nz,)."""
         values = self.checked(action)
         command = np.asarray(self.scale * np.clip(values, -1.0, 1.0))
         if self.actions == "torque":

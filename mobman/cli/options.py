@@ -42,8 +42,7 @@ def reports(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def level(context: click.Context | None = None) -> int:
-    """Amount that a command, by default the running one, is to print: -1 errors alone, 0 as usual, 1
-    more."""
+    """How much a command is to print: -1 errors alone, 0 as usual, 1 more."""
     context = context or click.get_current_context(silent=True)
     found: int = 0 if context is None else context.meta.get(_LEVEL, 0)
     return found
@@ -85,8 +84,7 @@ def names_of(kind: str) -> list[str]:
 
 
 def complete(kind: str) -> dict[str, Any]:
-    """Options of click for an argument that a shell completes with the names of a kind, or with files
-    where no name begins so."""
+    """Options of click for an argument that a shell completes with names of a kind, or else files."""
 
     def found(
         context: click.Context, parameter: click.Parameter, incomplete: str

@@ -176,8 +176,7 @@ def interrupted_once() -> Iterator[None]:
 
 
 class Display:
-    """Progress of several runs, as a context that is interrupted once: a bar on a terminal, lines
-    elsewhere."""
+    """Progress of several runs, interrupted once: a bar on a terminal, lines elsewhere."""
 
     def __init__(self, **options: Any) -> None:
         self._console = console(stderr=True)

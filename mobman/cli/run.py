@@ -170,8 +170,7 @@ def tell(
     *,
     everything: bool = False,
 ) -> None:
-    """Print a run: a line a section of metrics, or every metric, and where it broke limits; or all that
-    is known of it as JSON."""
+    """Print a run by sections of metrics, or every metric, and where it broke limits."""
     from mobman.simulation.limits import limit_remarks, unlimited_motors
     from mobman.simulation.metrics import list_metrics
     from mobman.simulation.monitors import first_failure

@@ -178,8 +178,7 @@ def read_spec(path: Path) -> RobotSpec:
 
 
 def spec_of(content: Mapping[str, Any], path: Path) -> RobotSpec:
-    """The robot that a TOML file of this content describes, which need not be there yet; SpecError if a
-    field is wrong."""
+    """The robot of a TOML file's content, which need not be there; SpecError if a field is wrong."""
     places = {"folder": path.resolve().parent, "file": path}
     return validate(RobotSpec, {**content, **places}, str(path))
 

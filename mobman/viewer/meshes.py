@@ -67,8 +67,7 @@ class Surface:
 
 
 def installed(library: str) -> bool:
-    """Tell whether a library is installed: trimesh reads the meshes' own colours and pictures,
-    fast_simplification reduces them."""
+    """Tell whether what reads meshes' colours (trimesh) or what reduces them is installed."""
     return importlib.util.find_spec(library) is not None
 
 
@@ -210,8 +209,7 @@ def _as_placed(parts: list[Surface], plain: Surface) -> list[Surface]:
 
 
 def _tidied(surface: Surface) -> Surface:
-    """A surface without triangles that have no area or no place; vertices merged where nothing is on
-    them."""
+    """A surface without triangles that have no area or no place; bare vertices are merged."""
     finite = np.all(np.isfinite(surface.vertices), axis=1)
     faces = surface.faces[np.all(finite[surface.faces], axis=1)]
     vertices = np.where(finite[:, None], surface.vertices, 0.0)

@@ -258,8 +258,7 @@ def save_film(
     speed: float = 1.0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> None:
-    """Write a film of the runs from beginning to end, as :meth:`View.save
-    <mobman.viewer.view.View.save>` says."""
+    """Write a film of the runs, as :meth:`View.save <mobman.viewer.view.View.save>` says."""
     gif = path.suffix.lower() == ".gif"
     if scene.duration <= 0.0:
         raise UsageError(f"{path}: there is no run, and a robot alone does not move; make a .png")

@@ -277,8 +277,7 @@ def _wheels(robot: MobileManipulator, bare: set[int]) -> Iterator[Part]:
 
 
 def _boxes(robot: MobileManipulator, links: Mapping[str, ET.Element]) -> Iterator[Part]:
-    """The homogeneous box that has each link's mass and inertia, smaller if it would be too light; none
-    for wheels."""
+    """The homogeneous box of each link's mass and inertia, never too light; none for wheels."""
     wheels = {robot.model.getJointId(wheel.joint) for wheel in robot.platform.wheels}
     for name, link in links.items():
         frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]

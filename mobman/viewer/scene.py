@@ -119,8 +119,7 @@ def motion(record: States, robot: MobileManipulator | None, *, runs: int = 1) ->
 
 
 def frames(t: Array, most: int = MOST_FRAMES) -> Index:
-    """Choose samples to show, by their rising times (s): the first, the last, and about 60 a second
-    between, ``most`` of them at most."""
+    """Choose samples by their rising times (s): first, last, 60 a second, ``most`` at most."""
     count = min(most, int(np.ceil((t[-1] - t[0]) * FRAMES_PER_SECOND)) + 1)
     if len(t) <= count:
         return np.arange(len(t))
@@ -294,8 +293,7 @@ def _scene(
 
 
 def labels(records: Sequence[States], names: Sequence[str]) -> list[str]:
-    """Label runs in a comparison by what distinguishes them; those that are alike in everything also by
-    names, such as their files'."""
+    """Label runs in a comparison by what distinguishes them; those alike in all also by names."""
     described = [(r.robot, r.controller, r.task, r.scenario, f"seed {r.seed}") for r in records]
     telling = [field for field in zip(*described, strict=True) if len(set(field)) > 1]
     found = [" · ".join(parts) for parts in zip(*telling, strict=True)]

@@ -47,8 +47,7 @@ class Described(NamedTuple):
     warnings: tuple[str, ...]  # what was done to get the files, and what of them has no effect
 
     def toml(self, sources: Sequence[UrdfSource], heading: Inferred | None = None) -> str:
-        """The text of its TOML, with these tables for its parts, and the weight of the heading in the
-        criterion where it is known."""
+        """The text of its TOML, with these tables for its parts and the weight of the heading."""
         import jinja2
 
         path, (first, *_) = self.parts[0].origin or self.parts[0].file.path, sources

@@ -29,8 +29,7 @@ _PATTERNS: dict[str, list[tuple[str, str]]] = tomllib.loads(
 
 
 def licence(path: Path) -> str:
-    """The licence by the URDF's header, or the nearest package.xml or licence file above it; ``not
-    stated`` where nothing says it."""
+    """The licence by the URDF's header, or the nearest package.xml or licence file above it."""
     if said := _named_in(" ".join(comments_of(path))):
         return f"{said} (says the URDF's header)"
     for folder in islice(path.parents, _ABOVE):

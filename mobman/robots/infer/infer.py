@@ -174,8 +174,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
 
 
 def _lies_on_its_side(urdf: UrdfFile, tree: Tree, standing: int) -> str:
-    """The question where more wheels than stand would if another axis of the root link pointed up; else
-    empty."""
+    """The question where more wheels would stand if another axis of the root link pointed up."""
     axes = {joint.name: joint.axis for joint in tree.movable}
     for axis in (axis for axis in _AXES if axis != urdf.up):
         file = replace(urdf, up=axis)

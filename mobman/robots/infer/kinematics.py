@@ -188,8 +188,7 @@ class Tree:
             yield from self.behind(following)
 
     def shapes(self, *links: str, use: Use) -> list[tuple[str, Shape]]:
-        """The shapes of links in the root's frame, with the links; those of missing or unreadable meshes
-        as well."""
+        """Shapes of links in the root's frame, with the links; of unreadable meshes as well."""
         for link in links:
             if (link, use) not in self._shapes:
                 place, own = self._places[link], read_shapes(self.links[link], use, self._meshes.of)
@@ -312,8 +311,7 @@ def _held_at(tree: Tree, joint: Joint, rest: Mapping[str, float], seen: frozense
 
 
 def lost_to_mimics(tree: Tree, tip: str, ignored: set[str]) -> list[str]:
-    """Messages about the motion that is lost since mimic joints on the way to a tip are held, but for
-    the ignored ones."""
+    """Messages about the motion that is lost where mimic joints on the way to a tip are held."""
     groups: dict[str, list[tuple[Joint, float]]] = {}
     for joint in tree.chain(tip):
         if (follows := joint.follows) is not None and joint.name not in ignored:

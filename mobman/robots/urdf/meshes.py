@@ -164,8 +164,7 @@ class MeshFinder:
         return path, "" if path else f"{missing}{_near(places)}"
 
     def package(self, name: str) -> list[Path]:
-        """The folders of a package, as ``package://NAME/...`` in a URDF finds it, the first one
-        preferred; none if it is not found."""
+        """The folders of a package ``package://NAME/...``, the first preferred; none if not found."""
         if name in (".", ".."):
             return []
         named = (place for folder in self.folders for place in (folder / name, folder))
