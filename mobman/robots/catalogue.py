@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -33,18 +33,12 @@ def list_robots() -> list[str]:
     >>> "youbot" in mm.list_robots()
     True
     """
-    return sorted({*own_robots(), *_registered, *_plugins(), *_users()})
+    return sorted(_known())
 
 
 def origin_of(name: str) -> str:
     """The origin of a listed robot: ``"mobman"``, ``"this process"``, a package or ``"user"``."""
-    if name in _registered:
-        return "this process"
-    if name in own_robots():
-        return "mobman"
-    if name in _users():
-        return "user"
-    return _plugins()[name].value.partition(":")[0].partition(".")[0]
+    return _known()[name][0]
 
 
 def register_robot(spec_or_path: RobotSpec | Mapping[str, Any] | str | os.PathLike[str]) -> str:
@@ -131,15 +125,10 @@ def find_spec(
         raise UsageError(f"{', '.join(facts)}: only for a URDF or a model; {text!r} is neither")
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):
         return read_spec(Path(text))
-    if text in _registered:
-        return _registered[text]
-    if text in (own := own_robots()):
-        return read_spec(own[text])
-    own_name = {"name": text}  # that it is found by, whatever its field says
-    if text in (users := _users()):
-        return read_spec(users[text]).model_copy(update=own_name)
-    if text in (plugins := _plugins()) and (spec := _load_plugin(plugins[text])) is not None:
-        return spec.model_copy(update=own_name)
+    if text in (known := _known()) and (spec := known[text][1]()) is not None:
+        return spec.model_copy(
+            update={"name": text}
+        )  # by which it is found, whatever its field says
     # a broken package's name is no choice
     raise UnknownNameError("robot", text, set(list_robots()) - {text})
 
@@ -181,13 +170,19 @@ def _inferred(path: str, stamp: tuple[int, int], options: Options, made_of: str)
     return robot.spec()
 
 
-def _users() -> dict[str, Path]:
-    return {path.stem: path for path in sorted(user_robots_folder().glob("*.toml"))}
-
-
-def _plugins() -> dict[str, EntryPoint]:
-    points = {point.name: point for point in entry_points(group=_GROUP)}
-    return {name: point for name, point in points.items() if _loaded.get(point, point) is not None}
+def _known() -> dict[str, tuple[str, Callable[[], RobotSpec | None]]]:
+    """The origin of every robot by its name, and what gives its description; of several of one name that
+    of this process, mobman's, the user's, or a package's, in this order."""
+    found: dict[str, tuple[str, Callable[[], RobotSpec | None]]] = {}
+    for point in entry_points(group=_GROUP):
+        if _loaded.get(point, point) is not None:
+            package = point.value.partition(":")[0].partition(".")[0]
+            found[point.name] = package, partial(_load_plugin, point)
+    users = {path.stem: path for path in user_robots_folder().glob("*.toml")}
+    for origin, files in (("user", users), ("mobman", own_robots())):
+        found |= {name: (origin, partial(read_spec, path)) for name, path in files.items()}
+    own = {name: partial(_registered.__getitem__, name) for name in _registered}
+    return found | {name: ("this process", spec) for name, spec in own.items()}
 
 
 def _load_plugin(point: EntryPoint) -> RobotSpec | None:
