@@ -96,7 +96,7 @@ class Local(Backend):
         self._limit = time_limit
 
     def submit(self, job: Job) -> Future[Result]:
-        """See :meth:`Backend.submit`; the future has the error of a job that cannot be pickled."""
+        """Have a job done; the future has the error of one that cannot be pickled."""
         try:
             return self._executor.submit(perform_packed, packed(job, pickle.dumps))
         except MobmanError as error:
@@ -105,7 +105,6 @@ class Local(Backend):
             return refused
 
     def loss(self, error: BaseException) -> str | None:
-        """See :meth:`Backend.loss`."""
         if isinstance(error, TimeoutError):
             return f"took longer than its time limit of {self._limit:g} s"
         return str(error) if isinstance(error, WorkerLostError) else None
@@ -153,7 +152,6 @@ class Cluster(Backend):
         self._known: set[str] = set()
 
     def slots(self) -> int:
-        """See :meth:`Backend.slots`."""
         if self._client.status != "running":
             raise self._lost()
         try:
@@ -166,7 +164,6 @@ class Cluster(Backend):
         return sum(threads.values())
 
     def submit(self, job: Job) -> Future[Result]:
-        """See :meth:`Backend.submit`."""
         import cloudpickle
 
         try:
@@ -175,7 +172,6 @@ class Cluster(Backend):
             raise self._lost() from error
 
     def loss(self, error: BaseException) -> str | None:
-        """See :meth:`Backend.loss`."""
         from distributed import KilledWorker
 
         if not isinstance(error, KilledWorker):

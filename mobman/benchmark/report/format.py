@@ -59,11 +59,6 @@ def instant(t: float) -> str:
     return UNDEFINED if math.isnan(t) else f"{t:.4g} s"
 
 
-def ended(status: str, t: float) -> str:
-    """Say how a run that did not go to its end ended, in a few words."""
-    return status if math.isnan(t) else f"{status} at {instant(t)}"
-
-
 def rank_range(ranks: tuple[int, int] | None) -> str:
     """Write "1", "1–3", or a dash where there is no rank."""
     if ranks is None:

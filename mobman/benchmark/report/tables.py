@@ -18,7 +18,6 @@ from mobman.benchmark.report.format import (
     UNDEFINED,
     count,
     cut,
-    ended,
     instant,
     interval_range,
     metric_unit,
@@ -343,7 +342,8 @@ def _ending(run: Any) -> Entry:
         return Entry(run.state, "faint" if run.state == NOT_RUN else "bad", cut(run.message))
     if run.ok:
         return Entry("completed", "", run.message)
-    return Entry(ended(run.status, run.end), "bad", run.message)
+    words = run.status if math.isnan(run.end) else f"{run.status} at {instant(run.end)}"
+    return Entry(words, "bad", run.message)
 
 
 def metrics_table(results: Results, cell: int) -> Table:
@@ -359,7 +359,7 @@ def metrics_table(results: Results, cell: int) -> Table:
     told = values.columns[values.notna().any()]
     known = {
         metric.name: metric
-        for metric in sorted(list_metrics(), key=_section)
+        for metric in _by_section()
         if metric.applies is None or metric.name in told
     }
     section = ""
@@ -385,9 +385,9 @@ def metrics_table(results: Results, cell: int) -> Table:
     return table_of(caption, "metric;unit", rows, *heads)
 
 
-def _section(metric: Any) -> int:
-    order = [*_SECTIONS, metric.section]
-    return order.index(metric.section)
+def _by_section() -> list[Any]:
+    order = {section: number for number, section in enumerate(_SECTIONS)}
+    return sorted(list_metrics(), key=lambda metric: order.get(metric.section, len(order)))
 
 
 def _values(name: str, values: pd.Series, runs: pd.DataFrame, better: str) -> list[Entry]:
@@ -534,7 +534,7 @@ def definitions_table() -> Table:
     """Show what the metrics are."""
     rows = (
         (metric.name, metric.unit, metric.description, metric.better or UNDEFINED)
-        for metric in sorted(list_metrics(), key=_section)
+        for metric in _by_section()
     )
     return table_of("Definitions of the metrics", "metric;unit;definition;better", rows)
 

@@ -22,13 +22,13 @@ from mobman.benchmark.tuning.objective import objectives
 from mobman.benchmark.tuning.search import Search, Step, Trial
 from mobman.benchmark.tuning.tuning_set import SUFFIX
 from mobman.controllers.protocol import gains_by_field
-from mobman.errors import MobmanError
-from mobman.files import write_whole
+from mobman.files import write_all
 from mobman.provenance import machine, versions
 from mobman.simulation.run_spec import RunSpec
 from mobman.toml_model import validate
 
 _SCHEMA_VERSION = 1
+_HEAD = "# Written by mobman bench tune; tuning.json next to it has every trial."
 
 
 class Plan(NamedTuple):
@@ -99,6 +99,8 @@ def tune_suite(
     """
     started, folder = time.monotonic(), Path(folder)
     search.require_extra()
+    import tomli_w
+
     tuning = suite.tuning or Tuning()
     if trials is not None:
         tuning = Tuning.model_validate({**tuning.model_dump(), "trials": trials})
@@ -167,8 +169,10 @@ def tune_suite(
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     # numbers that JSON has no word for (inf, NaN) are null
-    _write(result.json_file, to_json(content, indent=1, inf_nan_mode="null", fallback=str) + b"\n")
-    _write(result.suite_file, _toml(written))
+    report = to_json(content, indent=1, inf_nan_mode="null", fallback=str) + b"\n"
+    tables = written.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    text = f"{_HEAD}\n{tomli_w.dumps(tables)}"
+    write_all({result.json_file: report, result.suite_file: text.encode()})
     return result
 
 
@@ -287,18 +291,3 @@ def _entry(tuned: Search, trials: Sequence[Trial]) -> dict[str, Any]:
         "evaluation_seconds": sum(run.seconds for trial in trials for run in trial.runs),
         "trials": [trial.as_dict() for trial in trials],
     }
-
-
-def _toml(suite: Suite) -> bytes:
-    import tomli_w
-
-    content = suite.model_dump(mode="json", by_alias=True, exclude_unset=True)
-    head = "# Written by mobman bench tune; tuning.json next to it has every trial.\n"
-    return (head + tomli_w.dumps(content)).encode()
-
-
-def _write(path: Path, content: bytes) -> None:
-    try:
-        write_whole(path, content)
-    except OSError as error:
-        raise MobmanError(f"cannot write {path}: {error.strerror}") from error
