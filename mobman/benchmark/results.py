@@ -120,10 +120,10 @@ def merge(folders: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str
                 copied += 1
             elif target.summary(run).state_sha256 != new.state_sha256:
                 conflicts.append(f"{run}: {target.path(run)} and {source.path(run)} differ")
-        for failure in source.failures if source is not target else ():
-            lost = runs.get(failure.run_id)
+        for run_id, reason in source.failures.items() if source is not target else ():
+            lost = runs.get(run_id)
             if lost is not None and not target.done(lost):
-                target.fail(lost, failure.reason)
+                target.fail(lost, reason)
     seconds = sum(manifest.seconds or 0.0 for manifest in manifests.values())
     workers = sum(manifest.workers or 0 for manifest in manifests.values())
     target.write(replace(target.manifest, seconds=seconds or None, workers=workers or None))

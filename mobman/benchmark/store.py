@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -119,13 +119,6 @@ class Manifest:
             ) from error
 
 
-class Failure(NamedTuple):
-    """A run that gave no result, for a reason outside its controller."""
-
-    run_id: str
-    reason: str
-
-
 class Store:
     """A folder of results.
 
@@ -228,19 +221,18 @@ class Store:
         return self.manifest.runs
 
     @property
-    def failures(self) -> list[Failure]:
-        """The runs without a result, and the reasons."""
-        found = []
+    def failures(self) -> dict[str, str]:
+        """The reasons of runs that gave no result, which lie outside their controllers, by run id."""
+        found = {}
         for path in sorted((self.folder / "failures").glob("*.json")):
             try:
                 content = json.loads(read_within(path, path.parent, "failure", 1.0))
-                found.append(Failure(path.stem, str(content["reason"])))
-            except (MobmanError, ValueError, KeyError, TypeError, RecursionError) as error:
-                known = isinstance(
-                    error, MobmanError
-                )  # the text of another may be that of any file
-                why = str(error) if known else f"{path} is not readable: {type(error).__name__}"
-                found.append(Failure(path.stem, why))
+                found[path.stem] = str(content["reason"])
+            except MobmanError as error:
+                found[path.stem] = str(error)
+            except (ValueError, KeyError, TypeError, RecursionError) as error:
+                # not its text, which may be that of any file
+                found[path.stem] = f"{path} is not readable: {type(error).__name__}"
         return found
 
     def done(self, run: RunSpec) -> bool:
@@ -301,7 +293,7 @@ class Store:
     def outcomes(self) -> Iterator[tuple[RunSpec, RecordSummary | RecordError, str]]:
         """Yield every run of the suite, its record's summary or what is wrong with it, and why there is
         none: empty where the run is done, or is not done yet."""
-        reasons = {failure.run_id: failure.reason for failure in self.failures}
+        reasons = self.failures
         for run in self.runs:
             try:
                 yield run, self.summary(run), ""

@@ -337,7 +337,7 @@ def test_figures_of_all_cells_keep_to_their_bytes(monkeypatch):
     for budget in (report._BUDGET, 850_000):
         monkeypatch.setattr(report, "_BUDGET", budget)
         drawn = report._drawn(found, looks_for(found), list(found.cells.index), None)
-        sizes.append(sum(map(report._size, drawn)))
+        sizes.append(sum(map(report._size, drawn.values())))
     assert sizes[0] > 850_000
     assert sizes[1] < 850_000
 
@@ -432,7 +432,7 @@ def test_curves_keep_their_shape_with_few_points():
         n, t=t, task_error=np.stack([error, 0.0 * t], axis=1), torque=np.ones((n, 2))
     )
     found = results_of([made_up_run("a", 1e-3, load=lambda: record)])
-    (figure,) = cell_figures(found, 0, looks_for(found), 200, 0).figures
+    (figure,) = cell_figures(found, 0, looks_for(found), 200, 0)
     curves = [chart["data"]["values"] for chart in figure.charts]
     assert all(len(rows) == 1 for rows in curves)
     drawn = curves[0][0]

@@ -81,9 +81,7 @@ def test_tables_that_runs_share_are_kept_once(tmp_path, suite, runs):
 def test_a_result_removes_the_failure_of_the_run(tmp_path, suite, runs, contents):
     store = filled(tmp_path, suite, runs, contents, slice(0))
     store.fail(runs[0], "its process was killed")
-    assert [(f.run_id, f.reason) for f in store.failures] == [
-        (runs[0].run_id, "its process was killed")
-    ]
+    assert store.failures == {runs[0].run_id: "its process was killed"}
     assert not store.done(runs[0])
     store.keep(runs[0], contents[runs[0].run_id])
     assert store.done(runs[0])
@@ -262,10 +260,7 @@ def test_failures_are_joined_where_no_folder_has_the_result(tmp_path, suite, run
     two.fail(runs[0], "killed")
     two.fail(runs[7], "killed, too")
     merge([one.folder, two.folder], tmp_path / "all")
-    failures = Store(tmp_path / "all").failures
-    assert [(failure.run_id, failure.reason) for failure in failures] == [
-        (runs[7].run_id, "killed, too")
-    ]
+    assert Store(tmp_path / "all").failures == {runs[7].run_id: "killed, too"}
 
 
 @pytest.mark.parametrize("folders", [[], "results"])
@@ -292,8 +287,8 @@ def test_other_suites_are_not_joined(tmp_path, suite, runs, contents):
 def test_an_unreadable_failure_is_still_a_failure(tmp_path, suite, runs, contents):
     store = filled(tmp_path, suite, runs, contents, slice(0, 0))
     (tmp_path / "failures" / f"{runs[0].run_id}.json").write_text("{")
-    (failure,) = store.failures
-    assert "not readable" in failure.reason
+    (reason,) = store.failures.values()
+    assert "not readable" in reason
 
 
 def test_what_the_suite_asked_for_survives_other_seeds(tmp_path, suite, runs, contents):

@@ -48,6 +48,7 @@ class Figure(NamedTuple):
     charts: list[Spec]
     caption: str
     across: bool = False  # True if they stand side by side where there is room
+    folded: str = ""  # words behind which they are shown on demand
 
 
 def looks_for(results: Results) -> dict[str, Look]:
@@ -364,14 +365,6 @@ def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure
 # Single cells --------------------------------------------------------------------------------------
 
 
-class CellFigures(NamedTuple):
-    """The figures of a cell, and those that are shown on demand."""
-
-    cell: int
-    figures: list[Figure]
-    more: list[Figure]
-
-
 def papers_cell(results: Results) -> int | None:
     """Find the cell whose figures are the paper's: its task where nothing is changed."""
     cells, done = results.cells, set(results.runs.cell[results.runs.state == DONE])
@@ -433,7 +426,7 @@ _MARGINS = {
 
 def cell_figures(
     results: Results, cell: int, looks: Looks, columns: int, motor_columns: int
-) -> CellFigures:
+) -> list[Figure]:
     """Draw the errors of a cell's first seed against time, and the torques.
 
     Errors are thinned to so many columns, and each motor's torque; of 0 motor columns, the norms of the
@@ -446,7 +439,7 @@ def cell_figures(
         if (record := results.samples(run)) is not None:
             records[run.label] = run, record
     if not records:
-        return CellFigures(cell, [], [])
+        return []
     wanted = {**_CURVES, **(_MARGINS if motor_columns else {"torque": _TORQUE})}
     if all(record.tip_orientation is None for _, record in records.values()):
         del wanted["orientation error"]
@@ -476,17 +469,17 @@ def cell_figures(
         figures.append(Figure(f"{name} {what}", [spec], kind.caption))
     if not motor_columns:
         charts = [figure.charts[0] for figure in figures]
-        return CellFigures(cell, [Figure(name, charts, "", across=True)], [])
-    torques, more = _torques(records, name, duration, motor_columns)
-    figures.append(torques)
+        return [Figure(name, charts, "", across=True)]
+    shown, *others = _torques(records, name, duration, motor_columns)
+    figures.append(shown)
     if _papers(results.cells.loc[cell]):
         figures = [f._replace(caption=f"Fig. {i}. {f.caption}") for i, f in enumerate(figures, 2)]
-    return CellFigures(cell, figures, more)
+    return [*figures, *others]
 
 
 def _torques(
     records: Mapping[str, tuple[Any, Any]], name: str, duration: float, columns: int
-) -> tuple[Figure, list[Figure]]:
+) -> list[Figure]:
     """Draw the torques of the paper's law, or else of the first, and of the others on demand."""
     law = (k for k, (run, _) in records.items() if run.law == PAPERS_LAW and not run.explicit)
     shown, found = next(law, next(iter(records))), {}
@@ -507,11 +500,13 @@ def _torques(
             heading="" if label == shown else heading,
         )
     caption = f"Torques v of {shown}; alpha_i: motors of the platform, in its quasi-velocities."
-    figure = Figure(f"{name} torque", found.pop(shown), caption)
+    figures = [Figure(f"{name} torque", found.pop(shown), caption)]
     others = [chart for charts in found.values() for chart in charts]
     caption = (
         "Torques v of the other controllers, each panel on its own scale; a run that diverged is cut "
         "off where it leaves the scale of what came before."
     )
-    more = [Figure(f"{name} other torques", others, caption, across=True)] if others else []
-    return figure, more
+    folded = "Torques of the other controllers"
+    if others:
+        figures.append(Figure(f"{name} other torques", others, caption, True, folded))
+    return figures

@@ -171,7 +171,8 @@ def _content(
     cells = select(results, patterns).cells if patterns else [charts.papers_cell(results)]
     cell = cells[0] if cells and cells[0] is not None else min(done, default=None)
     if cell is not None:
-        for figure in charts.cell_figures(results, cell, looks, 800, 400).figures:
+        drawn = charts.cell_figures(results, cell, looks, 800, 400)
+        for figure in (figure for figure in drawn if not figure.folded):
             figures[slug(figure.name.removeprefix(f"{results.cells.name[cell]} "))] = figure
     return (
         {name: table for name, table in found.items() if table is not None},

@@ -119,7 +119,7 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
     runs, cells = results.runs, results.cells
     compared = board.compares
     paper = None if patterns else charts.papers_cell(results)
-    drawn = {found.cell: found for found in _drawn(results, looks, selection.cells, paper)}
+    drawn = _drawn(results, looks, selection.cells, paper)
     metrics = _metrics_tables(results, [*drawn])
     replays = tables.replays_table(results, _MOST_REPLAYS)
     heat = charts.heat_map(results, board, "case", "scenarios") if compared else (None, 0)
@@ -168,9 +168,9 @@ def _content(results: Results, patterns: Sequence[str]) -> dict[str, Any]:
         "summary_tables": {group: tables.summary_table(results, group) for group in results.groups},
         "overviews": _overviews(results, looks),
         "explicit": list(dict.fromkeys(runs.label[runs.explicit])),
-        "paper": drawn.get(paper) if paper is not None else None,
-        "paper_figures": drawn[paper].figures if paper is not None else [],
-        "drawn": [drawn[cell] for cell in selection.cells if cell != paper],
+        "paper": paper,
+        "paper_figures": [] if paper is None else drawn[paper],
+        "drawn": {cell: drawn[cell] for cell in selection.cells if cell != paper},
         "selection": selection,
         "seeds": runs.groupby("cell").seed.nunique(),
         "metrics_tables": metrics,
@@ -203,10 +203,11 @@ def _overviews(results: Results, looks: dict[str, Look]) -> dict[str, charts.Fig
 
 def _drawn(
     results: Results, looks: dict[str, Look], cells: Sequence[int], paper: int | None
-) -> list[charts.CellFigures]:
+) -> dict[int, list[charts.Figure]]:
     """Draw cells one after the other: in full, or small where they are many."""
     wanted = list(dict.fromkeys([*([] if paper is None else [paper]), *cells]))
-    left, whole, found = float(_BUDGET), 0, []
+    left, whole = float(_BUDGET), 0
+    found: dict[int, list[charts.Figure]] = {}
     for done, cell in enumerate(wanted):
         share = left / (len(wanted) - done)
         columns = int(min(max(share / 400.0, 24), 200))
@@ -216,13 +217,12 @@ def _drawn(
         if full and cell != paper and (whole := max(whole, _size(drawn))) > share:
             drawn = charts.cell_figures(results, cell, looks, columns, 0)
         left -= _size(drawn)
-        found.append(drawn)
+        found[cell] = drawn
     return found
 
 
-def _size(drawn: charts.CellFigures) -> int:
-    """Characters of what draws a cell in the page."""
-    figures = [*drawn.figures, *drawn.more]
+def _size(figures: Sequence[charts.Figure]) -> int:
+    """Characters of what draws figures in the page."""
     return sum(len(files.json_text(chart)) for figure in figures for chart in figure.charts)
 
 
