@@ -17,7 +17,8 @@ from mobman.arrays import Array
 from mobman.errors import SpecError, UnknownNameError, UsageError
 from mobman.model.metric import heading_weight
 from mobman.model.mobile_manipulator import Follower, Geometry, MobileManipulator
-from mobman.model.platforms.platform import Platform, Site, platforms
+from mobman.model.platforms.platform import Platform, platforms
+from mobman.model.platforms.wheels import Site
 from mobman.robots.catalogue import as_spec, find_spec
 from mobman.robots.incoming.incoming import keep_urdf
 from mobman.robots.incoming.models import urdf_of_model

@@ -11,7 +11,8 @@ import pytest
 from support.differences import derivative, jacobian, relative
 
 from mobman.model.platforms.differential import Differential
-from mobman.model.platforms.platform import Site, platforms
+from mobman.model.platforms.platform import platforms
+from mobman.model.platforms.wheels import Site
 
 R, W = 0.05, 0.158  # the paper's
 OFFSETS = {"axle": 0.0, "arm mount": 0.167}

@@ -16,7 +16,6 @@ from mobman.model.platforms.platform import (
     Equations,
     Gear,
     Platform,
-    Site,
     Wheel,
     WheeledFields,
     platforms,
@@ -28,13 +27,7 @@ from mobman.model.platforms.rolling import (
     wheel_rates,
     wheel_rates_rate,
 )
-from mobman.model.platforms.wheels import (
-    LENGTH_TOLERANCE,
-    Named,
-    joints_of,
-    sides,
-    wheel_place,
-)
+from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Site, joints_of, sides, wheel_place
 
 # names of a platform described by its numbers
 _REAR = ("wheel_rear_right", "wheel_rear_left")
@@ -93,10 +86,9 @@ class CarLike(Platform):
     fields = CarLikeParameters
 
     def __init__(self, site: Site, given: CarLikeParameters) -> None:
-        named = Named(site, given)
-        rear = named.pair("rear_right_wheel", "rear_left_wheel", *_REAR)
+        rear = site.pair("rear_right_wheel", "rear_left_wheel", *_REAR)
         axle, half_track = sides(site, rear[:1], rear[1:])
-        knuckles = named.steering("steering", *_STEERING)
+        knuckles = site.steering("steering", *_STEERING)
         ahead = [float(place.centre[0] - axle[0]) for place in knuckles]
         if min(ahead) <= 0.0 or max(ahead) - min(ahead) > LENGTH_TOLERANCE:
             raise site.fault(

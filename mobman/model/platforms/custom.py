@@ -19,7 +19,8 @@ from pydantic import Field
 
 from mobman.arrays import Array
 from mobman.errors import FOREIGN_ERRORS, SpecError
-from mobman.model.platforms.platform import Equations, Platform, Site, Wheel, platforms
+from mobman.model.platforms.platform import Equations, Platform, Wheel, platforms
+from mobman.model.platforms.wheels import Site
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.toml_model import Strict
 

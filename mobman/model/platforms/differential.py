@@ -11,8 +11,8 @@ from pydantic import Field
 
 from mobman.model.platforms.body import WheeledBody, WheelPart, required
 from mobman.model.platforms.body_frame import BodyFramePlatform
-from mobman.model.platforms.platform import Gear, Site, Wheel, WheeledFields, platforms
-from mobman.model.platforms.wheels import JointPlace, Named, joints_of, sides
+from mobman.model.platforms.platform import Gear, Wheel, WheeledFields, platforms
+from mobman.model.platforms.wheels import JointPlace, Site, joints_of, sides
 
 _WHEELS = ("wheel_right", "wheel_left")  # of a platform described by its numbers
 
@@ -100,7 +100,7 @@ class Differential(TwoSided):
     fields = DifferentialParameters
 
     def __init__(self, site: Site, given: DifferentialParameters) -> None:
-        right, left = Named(site, given).pair("right_wheel", "left_wheel", *_WHEELS)
+        right, left = site.pair("right_wheel", "left_wheel", *_WHEELS)
         kappa = 1.0 if given.alpha == "wheel-rates" else 2.0 / given.wheel_radius
         super().__init__(site, given, [right], [left], kappa)
 
@@ -144,8 +144,7 @@ class SkidSteer(TwoSided):
     skids = True
 
     def __init__(self, site: Site, given: SkidSteerParameters) -> None:
-        named = Named(site, given)
-        right, left = (named.wheels(f"{side}_wheels", *_names(side)) for side in ("right", "left"))
+        right, left = (site.wheels(f"{side}_wheels", *_names(side)) for side in ("right", "left"))
         super().__init__(site, given, right, left, factor=given.track_factor)
 
     @classmethod

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from mobman.errors import SpecError
 from mobman.model.platforms.body import Knuckle, WheeledBody, WheelPart, required
-from mobman.model.platforms.platform import Site, WheeledFields, platforms
+from mobman.model.platforms.platform import WheeledFields, platforms
 from mobman.model.platforms.swerve import (
     Module,
     ModuleWheel,
@@ -28,7 +28,7 @@ from mobman.model.platforms.swerve import (
     located,
     modules_of,
 )
-from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Named, carriers, joints_of, wheel_place
+from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Site, carriers, joints_of, wheel_place
 from mobman.robots.urdf.compose import TRAVEL_JOINTS
 
 _SIDES = {"right": -1.0, "left": 1.0}
@@ -78,7 +78,7 @@ class MultiAxle(Swerve):
         self, site: Site, given: Any
     ) -> tuple[complex, list[Module], list[ModuleWheel], float]:
         """See :meth:`Swerve.found`; the joints say which wheels are steered."""
-        axes, places = located(Named(site, given), *_names(given.body, site.origin))
+        axes, places = located(site, *_names(given.body, site.origin))
         wheels, steering = joints_of(places), set(joints_of(axes))
         turned = [place for place in places if {*carriers(site, place)} & steering]
         fixed = [name for name in wheels if name not in joints_of(turned)]

@@ -12,13 +12,8 @@ from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.model.platforms.body import SpreadBody, WheelPart
 from mobman.model.platforms.body_frame import BodyFramePlatform
-from mobman.model.platforms.platform import Site, Wheel, WheeledFields, platforms
-from mobman.model.platforms.wheels import (
-    AXIS_TOLERANCE,
-    LENGTH_TOLERANCE,
-    Named,
-    joints_of,
-)
+from mobman.model.platforms.platform import Wheel, WheeledFields, platforms
+from mobman.model.platforms.wheels import AXIS_TOLERANCE, LENGTH_TOLERANCE, Site, joints_of
 
 _SINGULAR = 1e-3  # ratio of singular values below which the wheels leave a direction free
 
@@ -55,7 +50,7 @@ class Omnidirectional(BodyFramePlatform):
 
     def __init__(self, site: Site, given: OmnidirectionalParameters) -> None:
         own = _spots(given, site.origin)
-        places = Named(site, given).rolling(*(f"wheel_{name}" for name in own))
+        places = site.rolling(*(f"wheel_{name}" for name in own))
         names = joints_of(places)
         if len(set(names)) < max(3, len(names)):
             raise site.fault("wheels", f" is {names}; allowed: three or more different joints")

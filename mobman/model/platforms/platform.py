@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from pydantic import Field
 
 from mobman.arrays import Array, Index, Matrix, Tensor, Vector
@@ -16,11 +14,10 @@ from mobman.compiled import kernel, plain
 from mobman.errors import SpecError
 from mobman.linalg import dot
 from mobman.model.platforms.body import Knuckle, WheelPart, body_urdf
+from mobman.model.platforms.wheels import Site
 from mobman.registry import Registry
 from mobman.robots.urdf.compose import BASE_JOINTS
 from mobman.toml_model import Strict, validate
-
-M = TypeVar("M", bound=Strict)
 
 
 class Fields(Strict):
@@ -52,26 +49,6 @@ class Gear(NamedTuple):
     joint: str
     of: str  # the joint that it turns with
     ratio: float  # its rate over that joint's
-
-
-class Site(NamedTuple):
-    """The description that a platform is made from."""
-
-    parameters: dict[str, Any]  # the type's own fields of [platform], not yet checked
-    tree: pin.Model
-    """The robot with its root link at the world's origin; for reading where the wheels are."""
-    origin: str  # name of the description in messages
-    folder: Path  # folder that relative paths in the description start from
-    track: float = 1.0
-    """Factor of the wheels' distances to the left and right of the root link's origin."""
-
-    def read(self, model: type[M]) -> M:
-        """The fields of ``[platform]``; SpecError if one is wrong."""
-        return validate(model, self.parameters, f"{self.origin}: [platform]")
-
-    def fault(self, field: str, text: str) -> SpecError:
-        """The error of a field of ``[platform]``."""
-        return SpecError(f"{self.origin}: field 'platform.{field}'{text}")
 
 
 class ArmJoints(NamedTuple):

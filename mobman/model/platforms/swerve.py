@@ -27,14 +27,7 @@ from mobman.compiled import kernel
 from mobman.errors import UsageError
 from mobman.linalg import cholesky, cholesky_solve
 from mobman.model.platforms.body import Knuckle, SpreadBody, WheelPart
-from mobman.model.platforms.platform import (
-    Equations,
-    Platform,
-    Site,
-    Wheel,
-    WheeledFields,
-    platforms,
-)
+from mobman.model.platforms.platform import Equations, Platform, Wheel, WheeledFields, platforms
 from mobman.model.platforms.rolling import (
     constraint_derivative_rate,
     constraints,
@@ -46,7 +39,7 @@ from mobman.model.platforms.wheels import (
     AXIS_TOLERANCE,
     LENGTH_TOLERANCE,
     JointPlace,
-    Named,
+    Site,
     carriers,
     joints_of,
 )
@@ -149,7 +142,7 @@ class Swerve(Platform):
         """The reference point (m), the steering joints and behind them the places where nothing is
         steered, the wheels, and the height of their centres (m), from the root link's origin."""
         own = _spots(given.body) if given.body is not None else {}
-        axes, places = located(Named(site, given), own, own)
+        axes, places = located(site, own, own)
         if len(axes) < 2:
             raise site.fault(
                 "steering", f" is {joints_of(axes)}; allowed: two or more different joints"
@@ -198,19 +191,19 @@ def _spots(body: SwerveBody, origin: str = "") -> dict[str, tuple[float, float]]
 
 
 def located(
-    named: Named, steering: Iterable[str], wheels: Iterable[str]
+    site: Site, steering: Iterable[str], wheels: Iterable[str]
 ) -> tuple[list[JointPlace], list[JointPlace]]:
     """Locate steering joints and wheels, which on a platform by its numbers are called after places;
     SpecError if one is there twice, or not where it can steer or roll."""
-    axes = named.steering("steering", *(f"steering_{name}" for name in steering))
-    places = named.rolling(*(f"wheel_{name}" for name in wheels))
+    axes = site.steering("steering", *(f"steering_{name}" for name in steering))
+    places = site.rolling(*(f"wheel_{name}" for name in wheels))
     for field, found in (("steering", axes), ("wheels", places)):
         names = joints_of(found)
         if len(set(names)) < len(names):
-            raise named.site.fault(field, f" is {names}; one is there twice")
+            raise site.fault(field, f" is {names}; one is there twice")
     rho = np.array([place.at for place in axes])
     if np.min(np.abs(rho[:, None] - rho + np.eye(len(rho)))) < LENGTH_TOLERANCE:
-        raise named.site.fault("steering", ": two axes are at one place")
+        raise site.fault("steering", ": two axes are at one place")
     return axes, places
 
 

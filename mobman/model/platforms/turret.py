@@ -18,8 +18,8 @@ from pydantic import Field
 
 from mobman.model.platforms.body import Knuckle, WheeledBody, WheelPart, required
 from mobman.model.platforms.body_frame import BodyFramePlatform
-from mobman.model.platforms.platform import Site, Wheel, WheeledFields, platforms
-from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Named, carriers, joints_of, sides
+from mobman.model.platforms.platform import Wheel, WheeledFields, platforms
+from mobman.model.platforms.wheels import LENGTH_TOLERANCE, Site, carriers, joints_of, sides
 
 _TURRET, _WHEELS = "turret", ("wheel_right", "wheel_left")  # of a platform by its numbers
 _LEAST = 0.01  # m; with less offset the wheels can hardly move the body sideways
@@ -64,9 +64,9 @@ class Turret(BodyFramePlatform):
     fields = TurretParameters
 
     def __init__(self, site: Site, given: TurretParameters) -> None:
-        named, R = Named(site, given), given.wheel_radius
-        (axis,) = named.steering("turret", _TURRET)
-        places = named.pair("right_wheel", "left_wheel", *_WHEELS)
+        R = given.wheel_radius
+        (axis,) = site.steering("turret", _TURRET)
+        places = site.pair("right_wheel", "left_wheel", *_WHEELS)
         if any(axis.joint not in carriers(site, place) for place in places):
             raise site.fault(
                 "turret",

@@ -11,7 +11,8 @@ from mobman.arrays import Matrix, Tensor, Vector
 from mobman.compiled import kernel
 from mobman.model.platforms.body import BASE_LINK, DECK, Body
 from mobman.model.platforms.body_frame import BodyFramePlatform, offset_of
-from mobman.model.platforms.platform import Equations, Fields, Platform, Site, platforms
+from mobman.model.platforms.platform import Equations, Fields, Platform, platforms
+from mobman.model.platforms.wheels import Site
 from mobman.robots.urdf.compose import add_joint
 from mobman.toml_model import Strict
 

@@ -1,10 +1,12 @@
-"""Positions of a URDF's wheels, and the directions in which they roll."""
+"""The description that a platform is made from: its fields, and where a URDF has the wheels of these."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -12,8 +14,10 @@ import pinocchio as pin
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.model.platforms.body import required
-from mobman.model.platforms.platform import Site
 from mobman.robots.urdf.compose import BASE_JOINTS
+from mobman.toml_model import Strict, validate
+
+M = TypeVar("M", bound=Strict)
 
 AXIS_TOLERANCE = 1e-2
 """Tolerance of an axis (rad): angles such as 1.57 and 3.1 are rounded."""
@@ -48,6 +52,83 @@ class JointPlace(NamedTuple):
     def turn(self) -> float:
         """+1 where a positive angle of a steering joint turns to the left, -1 where to the right."""
         return float(np.sign(self.axis[2]))
+
+
+@dataclass
+class Site:
+    """The description that a platform is made from."""
+
+    parameters: dict[str, Any]  # the type's own fields of [platform], not yet checked
+    tree: pin.Model
+    """The robot with its root link at the world's origin; for reading where the wheels are."""
+    origin: str  # name of the description in messages
+    folder: Path  # folder that relative paths in the description start from
+    track: float = 1.0
+    """Factor of the wheels' distances to the left and right of the root link's origin."""
+    given: Any = None  # the fields, once they are read
+
+    def read(self, model: type[M]) -> M:
+        """The fields of ``[platform]``; SpecError if one is wrong."""
+        self.given = read = validate(model, self.parameters, f"{self.origin}: [platform]")
+        return read
+
+    def fault(self, field: str, text: str) -> SpecError:
+        """The error of a field of ``[platform]``."""
+        return SpecError(f"{self.origin}: field 'platform.{field}'{text}")
+
+    def names(self, field: str, own: Iterable[str]) -> list[str]:
+        """Names of the joints of a field, a name or a list of them; ``own`` are those of a platform with
+        a ``body`` by default.
+        SpecError if it is missing, and there is no ``[platform.body]``."""
+        value = getattr(self.given, field)
+        named = [value] if isinstance(value, str) else list(value or ())
+        if self.given.body is not None:
+            return named or list(own)
+        why = "name the URDF's joint, or give [platform.body]"
+        return required(self.origin, field, named, why)
+
+    def wheels(self, field: str, *own: str) -> list[JointPlace]:
+        """Places of a field's wheels, see :func:`wheel_place`."""
+        heading = self.given.heading
+        return [wheel_place(self, n, field, heading) for n in self.names(field, own)]
+
+    def pair(self, right: str, left: str, *own: str) -> list[JointPlace]:
+        """Places of the wheels that two fields name, the right and the left one."""
+        return [*self.wheels(right, own[0]), *self.wheels(left, own[1])]
+
+    def steering(self, field: str, *own: str) -> list[JointPlace]:
+        """Places of a field's joints, about vertical axes; SpecError if an axis is not vertical."""
+        names, heading = self.names(field, own), self.given.heading
+        places = [joint_place(self, name, field, heading) for name in names]
+        for place in places:
+            if abs(place.axis[2]) < math.cos(AXIS_TOLERANCE):
+                raise self.fault(
+                    field,
+                    f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform "
+                    "frame; a steering joint's is vertical",
+                )
+        return places
+
+    def rolling(self, *own: str) -> list[JointPlace]:
+        """Places of the joints of field ``wheels``, about horizontal axes at one height; SpecError if
+        one has not such an axis."""
+        names, heading = self.names("wheels", own), self.given.heading
+        places = [joint_place(self, name, "wheels", heading) for name in names]
+        for place in places:
+            if abs(place.axis[2]) > AXIS_TOLERANCE:
+                raise self.fault(
+                    "wheels",
+                    f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform "
+                    "frame; a wheel's is horizontal",
+                )
+            low, high = places[0].centre[2], place.centre[2]
+            if abs(high - low) > LENGTH_TOLERANCE:
+                raise self.fault(
+                    "wheels",
+                    f": {places[0].joint!r} and {place.joint!r} are at heights {low:.4f} and "
+                    f"{high:.4f}; wheels of one radius on one ground are at one height",
+                )
+        return places
 
 
 def joint_place(site: Site, name: str, field: str, heading: float) -> JointPlace:
@@ -88,71 +169,6 @@ def wheel_place(site: Site, name: str, field: str, heading: float) -> JointPlace
             "link whose x axis is not forward)",
         )
     return place
-
-
-class Named:
-    """The joints that fields of ``[platform]`` name.
-
-    Args:
-        site: The description and its tree.
-        given: The fields; the joints of a platform with a ``body`` have names of their own by default.
-    """
-
-    def __init__(self, site: Site, given: Any) -> None:
-        self.site, self.given = site, given
-
-    def names(self, field: str, own: Iterable[str]) -> list[str]:
-        """Names of the joints of a field, a name or a list of them; ``own`` are those by default.
-        SpecError if it is missing, and there is no ``[platform.body]``."""
-        value = getattr(self.given, field)
-        named = [value] if isinstance(value, str) else list(value or ())
-        if self.given.body is not None:
-            return named or list(own)
-        why = "name the URDF's joint, or give [platform.body]"
-        return required(self.site.origin, field, named, why)
-
-    def wheels(self, field: str, *own: str) -> list[JointPlace]:
-        """Places of a field's wheels, see :func:`wheel_place`."""
-        heading = self.given.heading
-        return [wheel_place(self.site, n, field, heading) for n in self.names(field, own)]
-
-    def pair(self, right: str, left: str, *own: str) -> list[JointPlace]:
-        """Places of the wheels that two fields name, the right and the left one."""
-        return [*self.wheels(right, own[0]), *self.wheels(left, own[1])]
-
-    def steering(self, field: str, *own: str) -> list[JointPlace]:
-        """Places of a field's joints, about vertical axes; SpecError if an axis is not vertical."""
-        names, heading = self.names(field, own), self.given.heading
-        places = [joint_place(self.site, name, field, heading) for name in names]
-        for place in places:
-            if abs(place.axis[2]) < math.cos(AXIS_TOLERANCE):
-                raise self.site.fault(
-                    field,
-                    f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform "
-                    "frame; a steering joint's is vertical",
-                )
-        return places
-
-    def rolling(self, *own: str) -> list[JointPlace]:
-        """Places of the joints of field ``wheels``, about horizontal axes at one height; SpecError if
-        one has not such an axis."""
-        names, heading = self.names("wheels", own), self.given.heading
-        places = [joint_place(self.site, name, "wheels", heading) for name in names]
-        for place in places:
-            if abs(place.axis[2]) > AXIS_TOLERANCE:
-                raise self.site.fault(
-                    "wheels",
-                    f": the axis of joint {place.joint!r} is {place.axis.round(3)} in the platform "
-                    "frame; a wheel's is horizontal",
-                )
-            low, high = places[0].centre[2], place.centre[2]
-            if abs(high - low) > LENGTH_TOLERANCE:
-                raise self.site.fault(
-                    "wheels",
-                    f": {places[0].joint!r} and {place.joint!r} are at heights {low:.4f} and "
-                    f"{high:.4f}; wheels of one radius on one ground are at one height",
-                )
-        return places
 
 
 def joints_of(places: Iterable[JointPlace]) -> list[str]:
