@@ -7,7 +7,7 @@ whether or not the simulated plant enforces any.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 
@@ -48,10 +48,7 @@ def _excess(run: Run) -> Array:
 
 def _largest(rows: Iterable[Array], run: Run) -> Array:
     # row by row, since what is computed on the way should not be as large as the record
-    largest = np.zeros(len(run.t))
-    for row in rows:
-        np.maximum(largest, row, out=largest)
-    return largest
+    return reduce(np.maximum, rows, np.zeros(len(run.t)))
 
 
 _metric(

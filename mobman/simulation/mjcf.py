@@ -229,12 +229,9 @@ def mjcf(
     """The robot and the ground as MJCF; inertias are set by :func:`make_model`.
 
     The base's body has the platform's frame, whose origin is on the ground. Joints and bodies have the
-    names of the robot's joints; those that the description adds without a body have none.
-
-    Args:
-        step: Integration step (s).
-        gravity: m/s^2, shape (3,).
-        start: Pose at which the platform starts (m, m, rad), shape (3,).
+    names of the robot's joints; those that the description adds without a body have none. Integration
+    step (s), gravity (m/s^2), shape (3,), and the pose at which the platform starts (m, m, rad), shape
+    (3,).
     """
     root = ET.fromstring(_EMPTY)
     parts = (next(root.iter(tag)) for tag in ("option", "worldbody", "contact", "equality"))

@@ -41,16 +41,8 @@ _FINITE, _FINITE_IF_OK = {"q", "z"}, {"tip/position", "tip/desired", "error/task
 def read(path: str, shown: str, whole: bool) -> dict[str, Any]:
     """The content of a record: texts by name, dictionaries as JSON text, ``seed``, ``decimation``,
     ``metrics``; and if ``whole``, in addition ``t``, ``fields``, ``signals``, ``joint_names``,
-    ``velocity_names``, ``urdf``.
-
-    Args:
-        path: The file, absolute.
-        shown: Its name in messages.
-        whole: False to leave its samples.
-
-    Raises:
-        RecordError: If it is not a record of this schema, not whole, or not what a record may be.
-    """
+    ``velocity_names``, ``urdf``. The path is absolute, and ``shown`` in messages. RecordError if the
+    file is not a record of this schema, not whole, or not what a record may be."""
     try:
         with h5py.File(path, "r") as file:
             _check_version(file.attrs, shown)
