@@ -11,7 +11,8 @@ where :math:`\dot\theta` has the factor :math:`\Im(\bar\rho d e^{\mathrm{i}\gamm
 are those of the last coordinates, the wheels: a row that has :math:`-R` for its wheel gives the wheel's
 rate from those of the other coordinates.
 
-The kernels' parameters begin with the table, k rows of 6 + l numbers (:func:`row`).
+The kernels' parameters begin with the table, k rows of 6 + l numbers: j, s, the parts of :math:`d` and
+of :math:`\bar\rho d`, and the :math:`a_m`.
 """
 
 from __future__ import annotations
@@ -40,42 +41,46 @@ def row(
             left, else -1; by default nothing is steered.
         others: Coefficients a_m of the coordinates' rates, by their places in x.
     """
-    lever, entries = complex(at).conjugate() * direction, [0.0] * l
-    for place, entry in (others or {}).items():
-        entries[place] = entry
-    d = complex(direction)
+    d, lever = complex(direction), complex(at).conjugate() * direction
+    entries = [(others or {}).get(m, 0.0) for m in range(l)]
     return [*steered, d.real, d.imag, lever.real, lever.imag, *entries]
 
 
 @kernel
-def _turned(c: float, s: float, theta: float, gamma: float) -> tuple[float, float, float, float]:
-    """Cosine and sine of theta + gamma and of gamma; ``c`` and ``s`` are those of theta, most rows'."""
-    if gamma == 0.0:
-        return c, s, 1.0, 0.0
-    both = theta + gamma
-    return math.cos(both), math.sin(both), math.cos(gamma), math.sin(gamma)
+def _row(
+    parameters: Vector, at: int, x: Vector, c: float, s: float, scale: float
+) -> tuple[float, float, float, float]:
+    """A row's direction times a scale, and its lever and the derivative of that by gamma; ``c`` and
+    ``s`` are cosine and sine of theta, which are most rows'."""
+    gamma, cg, sg = parameters[at + 1] * x[int(parameters[at])], 1.0, 0.0
+    if gamma != 0.0:
+        c, s = math.cos(x[2] + gamma), math.sin(x[2] + gamma)
+        cg, sg = math.cos(gamma), math.sin(gamma)
+    c, s, ahead, left = scale * c, scale * s, parameters[at + 2], parameters[at + 3]
+    real, imaginary = parameters[at + 4], parameters[at + 5]
+    lever, slope = real * sg + imaginary * cg, real * cg - imaginary * sg
+    return c * ahead - s * left, s * ahead + c * left, lever, slope
 
 
 @kernel
 def constraints(parameters: Vector, x: Vector, A: Matrix, A_x: Tensor) -> None:
     """A and its derivatives."""
     k, l = A.shape
-    c_0, s_0 = math.cos(x[2]), math.sin(x[2])
+    c, s = math.cos(x[2]), math.sin(x[2])
     A_x[:, :, :] = 0.0
     for i in range(k):
         at = i * (6 + l)
         j, sign = int(parameters[at]), parameters[at + 1]
-        ahead, left = parameters[at + 2], parameters[at + 3]
-        c, s, cg, sg = _turned(c_0, s_0, x[2], sign * x[j])
+        along, across, lever, slope = _row(parameters, at, x, c, s, 1.0)
         for m in range(l):
             A[i, m] = parameters[at + 6 + m]
-        A[i, 0] += c * ahead - s * left
-        A[i, 1] += s * ahead + c * left
-        A[i, 2] += parameters[at + 4] * sg + parameters[at + 5] * cg
-        A_x[i, 0, 2], A_x[i, 1, 2] = -s * ahead - c * left, c * ahead - s * left
-        A_x[i, 0, j] += sign * A_x[i, 0, 2]
-        A_x[i, 1, j] += sign * A_x[i, 1, 2]
-        A_x[i, 2, j] += sign * (parameters[at + 4] * cg - parameters[at + 5] * sg)
+        A[i, 0] += along
+        A[i, 1] += across
+        A[i, 2] += lever
+        A_x[i, 0, 2], A_x[i, 1, 2] = -across, along
+        A_x[i, 0, j] -= sign * across
+        A_x[i, 1, j] += sign * along
+        A_x[i, 2, j] += sign * slope
 
 
 @kernel
@@ -84,34 +89,27 @@ def constraint_derivative_rate(
 ) -> None:
     """d/dt of the derivatives of A."""
     k, l, _ = A_x_rate.shape
-    c_0, s_0 = math.cos(x[2]), math.sin(x[2])
+    c, s = math.cos(x[2]), math.sin(x[2])
     A_x_rate[:, :, :] = 0.0
     for i in range(k):
         at = i * (6 + l)
         j, sign = int(parameters[at]), parameters[at + 1]
-        ahead, left = parameters[at + 2], parameters[at + 3]
         turning = sign * x_dot[j]
-        both = x_dot[2] + turning
-        c, s, cg, sg = _turned(c_0, s_0, x[2], sign * x[j])
-        c, s = c * both, s * both
-        A_x_rate[i, 0, 2], A_x_rate[i, 1, 2] = -c * ahead + s * left, -s * ahead - c * left
-        A_x_rate[i, 0, j] += sign * A_x_rate[i, 0, 2]
-        A_x_rate[i, 1, j] += sign * A_x_rate[i, 1, 2]
-        A_x_rate[i, 2, j] -= sign * turning * (parameters[at + 4] * sg + parameters[at + 5] * cg)
+        along, across, lever, _ = _row(parameters, at, x, c, s, x_dot[2] + turning)
+        A_x_rate[i, 0, 2], A_x_rate[i, 1, 2] = -along, -across
+        A_x_rate[i, 0, j] -= sign * along
+        A_x_rate[i, 1, j] -= sign * across
+        A_x_rate[i, 2, j] -= sign * turning * lever
 
 
 @kernel
 def wheel_rates(parameters: Vector, x: Vector, first: int, N: Matrix) -> None:
     """Fill the wheels' rows of N from its other ones; ``first`` is the number of their first in A."""
     l, p = N.shape
-    c_0, s_0 = math.cos(x[2]), math.sin(x[2])
+    c, s = math.cos(x[2]), math.sin(x[2])
     for i in range(first, l - p):
         at = i * (6 + l)
-        ahead, left = parameters[at + 2], parameters[at + 3]
-        gamma = parameters[at + 1] * x[int(parameters[at])]
-        c, s, cg, sg = _turned(c_0, s_0, x[2], gamma)
-        along, across = c * ahead - s * left, s * ahead + c * left
-        lever = parameters[at + 4] * sg + parameters[at + 5] * cg
+        along, across, lever, _ = _row(parameters, at, x, c, s, 1.0)
         for j in range(p):
             N[p + i, j] = along * N[0, j] + across * N[1, j] + lever * N[2, j]
         _roll(parameters[at + 6 : at + 6 + l], first, i, N)
@@ -129,20 +127,15 @@ def wheel_rates_rate(
     """Fill the wheels' rows of dN/dt from its other ones, where only the first velocity moves the pose;
     ``pose`` are its entries of N."""
     l, p = N_rate.shape
-    c_0, s_0 = math.cos(x[2]), math.sin(x[2])
+    c, s = math.cos(x[2]), math.sin(x[2])
     for i in range(first, l - p):
         at = i * (6 + l)
-        j, sign = int(parameters[at]), parameters[at + 1]
-        ahead, left = parameters[at + 2], parameters[at + 3]
-        c, s, cg, sg = _turned(c_0, s_0, x[2], sign * x[j])
-        along, across = c * ahead - s * left, s * ahead + c * left
-        lever = parameters[at + 4] * sg + parameters[at + 5] * cg
-        for m in range(p):
-            N_rate[p + i, m] = along * N_rate[0, m] + across * N_rate[1, m] + lever * N_rate[2, m]
-        turning = sign * x_dot[j]
+        turning = parameters[at + 1] * x_dot[int(parameters[at])]
+        along, across, lever, slope = _row(parameters, at, x, c, s, 1.0)
+        for j in range(p):
+            N_rate[p + i, j] = along * N_rate[0, j] + across * N_rate[1, j] + lever * N_rate[2, j]
         change = (x_dot[2] + turning) * (along * pose[1] - across * pose[0])
-        change += turning * (parameters[at + 4] * cg - parameters[at + 5] * sg) * pose[2]
-        N_rate[p + i, 0] += change
+        N_rate[p + i, 0] += change + turning * slope * pose[2]
         _roll(parameters[at + 6 : at + 6 + l], first, i, N_rate)
 
 
