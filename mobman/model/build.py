@@ -69,15 +69,8 @@ def load_robot(
 
 
 def build_robot(spec: RobotSpec, sources: UrdfSources | None = None) -> MobileManipulator:
-    """Build a robot from its specification.
-
-    Args:
-        spec: The description.
-        sources: Its URDF files, where they are not those that it points at.
-
-    Raises:
-        SpecError: If a field does not fit the URDF.
-    """
+    """Build a robot from its specification, and the URDF files that it points at or ``sources``;
+    SpecError if a field does not fit the URDF."""
     where = spec.where
     sources = urdf_sources(spec) if sources is None else sources
     assembly = assemble(spec, sources)
@@ -159,17 +152,9 @@ class Assembly(NamedTuple):
 
 
 def assemble(spec: RobotSpec, sources: UrdfSources, meshes: Locate = None) -> Assembly:
-    """The platform's URDF with what is mounted on it.
-
-    Args:
-        spec: The description.
-        sources: Its files.
-        meshes: What finds the meshes of each file.
-
-    Raises:
-        SpecError: If a file is no URDF that makes sense, the parts do not fit together, a pattern of
-            ``lock`` matches nothing, joints follow each other, or a mesh is missing.
-    """
+    """The platform's URDF with what is mounted on it, from the description's files; ``meshes`` finds the
+    meshes of each. SpecError if a file is no URDF that makes sense, the parts do not fit together, a
+    pattern of ``lock`` matches nothing, joints follow each other, or a mesh is missing."""
     where, files, locked = spec.where, list(sources.files), set[str]()
     if spec.urdf is None:
         platform = platform_type(spec).describe(spec.platform.parameters, where)
@@ -239,13 +224,8 @@ def _followers(spec: RobotSpec, assembly: Assembly, platform: Platform) -> list[
 
 
 def not_coupled(robot: MobileManipulator, following: Iterable[Follower], at: Array) -> list[str]:
-    """Sentences about joints of the platform whose rates are not those that ``<mimic>`` asks for.
-
-    Args:
-        robot: The robot.
-        following: Joints that follow another one, by its URDF.
-        at: A consistent state q, shape (nq,).
-    """
+    """Sentences about joints of the platform that follow another one by the URDF, and whose rates at a
+    consistent q, shape (nq,), are not those that ``<mimic>`` asks for."""
     rates, said = robot.velocity_map(at), list[str]()
     own, rolling = set(robot.platform.coordinates), {w.joint for w in robot.platform.wheels}
     for one in (one for one in following if one.joint in own and one.of in own):

@@ -248,28 +248,15 @@ def _stencil(
 
 
 def load_code(definition: str, folder: Path, where: str) -> Any:
-    """Import what a definition of the user names.
-
-    Args:
-        definition: ``"file.py:NAME"`` or ``"package.module:NAME"``.
-        folder: What the file is relative to.
-        where: What to call it in messages.
-
-    Raises:
-        SpecError: If it cannot be imported.
-    """
+    """Import what a definition of the user names, ``"file.py:NAME"``, relative to a folder, or
+    ``"package.module:NAME"``; SpecError, in which it is called ``where``, if it cannot be imported."""
     module_name, _, name = definition.rpartition(":")
+    path = (folder / module_name).resolve() if module_name.endswith(".py") else None
+    if path is not None and not path.is_file():
+        raise SpecError(f"{where}: there is no file {path}")
     try:
-        if module_name.endswith(".py"):
-            path = (folder / module_name).resolve()
-            if not path.is_file():
-                raise SpecError(f"{where}: there is no file {path}")
-            module = _import_file(path)
-        else:
-            module = importlib.import_module(module_name)
+        module = importlib.import_module(module_name) if path is None else _import_file(path)
         found = getattr(module, name, None)
-    except SpecError:
-        raise
     except FOREIGN_ERRORS as error:
         raise SpecError(f"{where}: importing it failed: {error!r}") from error
     if found is None:

@@ -185,15 +185,9 @@ def carriers(site: Site, place: JointPlace) -> list[str]:
 def sides(
     site: Site, right: Sequence[JointPlace], left: Sequence[JointPlace]
 ) -> tuple[Array, float]:
-    """The middle between right and left wheels, and half the track.
-
-    Returns:
-        The centre of all wheels (m), shape (3,), and half the distance of the two sides (m).
-
-    Raises:
-        SpecError: If the wheels are not on two parallel lines, at one height, the right ones on the
-            right; or if one axle has its right wheel ahead of the left one.
-    """
+    """The centre of all wheels (m), shape (3,), and half the distance of the two sides (m); SpecError if
+    the wheels are not on two parallel lines, at one height, the right ones on the right, or if one axle
+    has its right wheel ahead of the left one."""
     places = [*right, *left]
     sideways = [float(np.mean([p.centre[1] for p in side])) for side in (right, left)]
     centre = np.mean([np.mean([p.centre for p in side], axis=0) for side in (right, left)], axis=0)
