@@ -21,8 +21,7 @@ from mobman.robots.spec import DRIVEN
 
 BASE_COST = 0.3
 """Cost of 1 m/s of the base's speed, in rad/s (m/s of a slide) of an arm joint (rad/m)."""
-TURNING_ARM = 0.3
-"""Distance at which turning counts as the base's speed (m)."""
+TURNING_ARM = 0.3  # distance at which turning counts as the base's speed (m)
 _TIP = 3  # rows of the tip's Jacobian: its position
 _RANK = 1e-9  # of the largest singular value
 _ENOUGH = 0.9  # of the best conditioning: what a weight of the heading must not gain

@@ -26,17 +26,14 @@ from mobman.linalg import dot
 from mobman.model.dynamics import Buffers
 from mobman.model.task_map import TaskMap
 
-HALF_TURN = 3
-"""Status: the tip is half a turn from where it should be."""
-NOT_UNIT = 4
-"""Status: the desired quaternion, or axis, is not of length 1."""
+HALF_TURN = 3  # status: the tip is half a turn from where it should be
+NOT_UNIT = 4  # status: the desired quaternion, or axis, is not of length 1
 REASONS = {
     HALF_TURN: "the orientation error has reached half a turn, where its rate's map T is singular: "
     "there is no nearest way back",
     NOT_UNIT: "the desired quaternion, or axis, is not of length 1",
 }
-UNIT = 1e-6
-"""Deviation from 1 that the squared length of a desired quaternion or axis may have."""
+UNIT = 1e-6  # deviation from 1 that the squared length of a desired quaternion or axis may have
 
 Four = tuple[float, float, float, float]
 _NEAR_HALF_TURN = 1e-3  # least singular value of T

@@ -167,18 +167,10 @@ class Platform:
 
     @classmethod
     def describe(cls, parameters: dict[str, Any], origin: str) -> ET.Element:
-        """The URDF of a platform that is described by its numbers, ``[platform.body]``.
-
-        Its links ``platform`` (on the ground, at the platform's centre) and ``deck`` (top of the
-        body, where an arm is mounted) are there for every type.
-
-        Args:
-            parameters: The type's own fields, not yet checked.
-            origin: What to call the description in messages.
-
-        Raises:
-            SpecError: If a field is wrong, or the type cannot be described so.
-        """
+        """The URDF of a platform that is described by its numbers, ``[platform.body]``, with the links
+        ``platform`` (on the ground, at its centre) and ``deck`` (top of the body, where an arm is
+        mounted). The type's own fields are not checked before; SpecError, in which the description is
+        called ``origin``, if one is wrong, or the type cannot be described so."""
         if "body" not in cls.fields.model_fields:
             raise SpecError(
                 f"{origin}: field 'urdf' is missing: this platform type has no description by numbers"

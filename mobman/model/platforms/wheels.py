@@ -19,10 +19,8 @@ from mobman.toml_model import Strict, validate
 
 M = TypeVar("M", bound=Strict)
 
-AXIS_TOLERANCE = 1e-2
-"""Tolerance of an axis (rad): angles such as 1.57 and 3.1 are rounded."""
-LENGTH_TOLERANCE = 5e-3
-"""Tolerance of centres (m). The equations have them where they should be."""
+AXIS_TOLERANCE = 1e-2  # tolerance of an axis (rad): angles such as 1.57 and 3.1 are rounded
+LENGTH_TOLERANCE = 5e-3  # tolerance of centres (m); the equations have them where they should be
 
 
 class JointPlace(NamedTuple):
