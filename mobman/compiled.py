@@ -46,6 +46,9 @@ OPTIONS: dict[str, Any] = {
     # not compile.
     "_nrt": False,
     "no_cfunc_wrapper": True,  # nobody calls them from C
+    # Arrays are several numbers each, of which a call would put hundreds on the stack: a tick takes a
+    # tenth less.
+    "forceinline": True,
 }
 
 _DECORATED = re.compile(rb"^@kernel\r?$", re.MULTILINE)
@@ -68,12 +71,21 @@ def kernel(function: Function) -> Function:
 
 
 def _njit(function: Any, *signatures: str, **options: Any) -> Any:
-    before = numba.config.CACHE_DIR  # where others keep theirs is not changed
-    numba.config.CACHE_DIR = str(kernel_folder())
-    try:
+    with _own_settings():
         return numba.njit(*signatures, **options)(function)
+
+
+@contextlib.contextmanager
+def _own_settings() -> Iterator[None]:
+    """numba's settings of kernels, while one is made; those of others' functions do not change."""
+    config, before = numba.config, (numba.config.CACHE_DIR, numba.config.OPT)
+    config.CACHE_DIR = str(kernel_folder())
+    # loops are vectorised at the first level, too; the third takes a third longer and saves no time
+    config.OPT = type(config.OPT)(1)
+    try:
+        yield
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR, config.OPT = before
 
 
 class BoundKernels:
@@ -96,41 +108,42 @@ class BoundKernels:
     def joined(self) -> Callable[[], int]:
         """The same as one compiled function; see :func:`_written`."""
         run: Any = _machine_code(*_written(self.calls))
-        run.entry = self  # which keeps the arrays
+        run.parts = [self]  # which keeps the arrays
         return cast(Callable[[], int], run)
 
 
+_found: dict[Any, Callable[..., Any]] = {}
+
+
 def _machine_code(function: Any, arguments: tuple[Any, ...]) -> Callable[[], Any]:
-    types = tuple(map(_type_of, arguments))
-    if types not in function.overloads:  # to ask for it again takes 0.1 ms
+    key = function, _kind(arguments)
+    if key not in _found:
+        _found[key] = _compiled_for(function, tuple(map(numba.typeof, arguments)))
+    return partial(_found[key], *arguments)
+
+
+def _compiled_for(function: Any, types: tuple[Any, ...]) -> Callable[..., Any]:
+    """What is behind the dispatcher, which would look at the arguments' types at every call."""
+    if types not in function.overloads:
         file = Path(plain(function).__code__.co_filename)
         if unsafe() or f"{file.stem}.{function.__qualname__}" not in _kept():
             _say_that_it_takes_time()
-        try:
-            function.compile(types)
-        except numba.NumbaError:
-            raise
-        except Exception:  # whatever unpickling half a file may raise
-            for kept in kernel_folder().rglob("*.nb?"):
-                kept.unlink(missing_ok=True)
-            function.compile(types)
-    # behind the dispatcher, which would look at the arguments' types at every call
-    return partial(function.get_overload(types), *arguments)
-
-
-_known_types: dict[Any, Any] = {}
-
-
-def _type_of(argument: Any) -> Any:
-    """numba's type of an argument that fits; a run asks for that of a thousand arrays, 10 us each."""
-    kind = _kind(argument)
-    if kind not in _known_types:
-        _known_types[kind] = numba.typeof(argument)
-    return _known_types[kind]
+        with _own_settings():
+            try:
+                function.compile(types)
+            except numba.NumbaError:
+                raise
+            except Exception:  # whatever unpickling half a file may raise
+                for kept in kernel_folder().rglob("*.nb?"):
+                    kept.unlink(missing_ok=True)
+                function.compile(types)
+    found: Callable[..., Any] = function.get_overload(types)
+    return found
 
 
 def _kind(argument: Any) -> Any:
-    """The properties of an argument that decide its type."""
+    """The properties of an argument that decide its type: numba's own look at one takes 10 us, and a run
+    has a thousand."""
     if isinstance(argument, np.ndarray):
         return argument.dtype, argument.ndim, argument.flags.c_contiguous
     if isinstance(argument, tuple):
@@ -167,9 +180,14 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
                 f"kernel {function.__name__!r}: argument {name!r} is {found}; needed: a number, or a "
                 "contiguous array of float64 or int64 that can be written to"
             )
-    if PACKAGE in Path(plain(dispatcher).__code__.co_filename).parents:
+    if _of_mobman(function):
         return BoundKernels((dispatcher, arguments))
     return _machine_code(dispatcher, arguments)
+
+
+@cache
+def _of_mobman(function: Callable[..., Any]) -> bool:
+    return PACKAGE in Path(plain(function).__code__.co_filename).parents
 
 
 _signature = cache(inspect.signature)  # 20 us, of some hundred functions a run
@@ -198,27 +216,33 @@ def worth_joining(worth: bool) -> Iterator[None]:
         _joining.reset(token)
 
 
-def sequence(*entries: Callable[[], Any]) -> Callable[[], int]:
+def sequence(*entries: Callable[[], Any], join: bool = True) -> Callable[[], int]:
     """A function that calls entries in order: 0, or the status of the first that has one, the last
-    that is called. Neighbours that are mobman's kernels become one compiled function where that is
-    :func:`worth_joining`; the results are the same to the last bit."""
-    flat: list[Any] = [getattr(one, "entry", one) for one in entries]
-    parts: list[Callable[[], Any]] = []
+    that is called.
+
+    Neighbours that are mobman's kernels become one compiled function where that is
+    :func:`worth_joining`; the results are the same to the last bit. A sequence that is there to be part
+    of others does without (``join``): it becomes one with their kernels.
+    """
+    flat = [part for one in entries for part in getattr(one, "parts", [one])]
+    steps: list[Any] = []
     for ours, group in groupby(flat, lambda one: isinstance(one, BoundKernels)):
-        members = list(group)
+        members: list[Any] = list(group)
         if ours:
             entry = BoundKernels(*(call for one in members for call in one.calls))
-            members = [entry.joined if _joining.get() else entry]
-        parts += members
-    if len(parts) == 1:
-        return parts[0]
+            members = [entry.joined if join and _joining.get() else entry]
+        steps += members
+    if len(steps) == 1:
+        only: Callable[[], int] = steps[0]
+        return only
 
     def run() -> int:
-        for part in parts:
-            if status := part():
+        for step in steps:
+            if status := step():
                 return int(status)
         return 0
 
+    run.parts = flat  # type: ignore[attr-defined]
     return run
 
 
@@ -228,69 +252,85 @@ def _written(calls: Sequence[tuple[Any, tuple[Any, ...]]]) -> tuple[Any, tuple[A
     To unpack an array from its Python object takes as long as a short kernel, so that it is given a
     table of where the arrays are and how long, and makes arrays of it again.
     """
-    names: dict[str, Any] = {}
-    found: dict[int, tuple[int, Any]] = {}  # arrays, numbered
+    arrays: dict[int, Any] = {}
     others: list[Any] = []  # numbers, records, and arrays without an entry
+    places: list[int] = []  # of all, in order: in the arrays, or from -1 down in the others
+    numbers: dict[int, int] = {}
+
+    def place(value: Any) -> None:
+        if isinstance(value, tuple):
+            for part in value:
+                place(part)
+        elif isinstance(value, np.ndarray) and value.dtype in _TYPES and value.size:
+            arrays[id(value)] = value
+            places.append(numbers.setdefault(id(value), len(numbers)))
+        else:
+            others.append(value)
+            places.append(-len(others))
+
+    for _, given in calls:
+        place(given)
+    begins = [array.__array_interface__["data"][0] for array in arrays.values()]
+    # all others are behind it in memory
+    begin = min(begins, default=0)
+    first = [*arrays.values()][begins.index(begin)].ravel("K") if arrays else np.zeros(1)
+    table: list[int] = []
+    for array, at in zip(arrays.values(), begins, strict=True):
+        table += [(at - begin) // 8, *array.shape]
+    written = _kernel_of(tuple((one, _kind(given)) for one, given in calls), tuple(places))
+    return written, (first.view(np.float64), np.array(table, dtype=np.int64), *others)
+
+
+@cache
+def _kernel_of(calls: tuple[tuple[Any, Any], ...], places: tuple[int, ...]) -> Any:
+    """A kernel that calls functions, each with the kinds of its arguments; see :func:`_written`."""
+    names: dict[str, Any] = {}
+    head: list[str] = []
+    lines: list[str] = []
+    following, size = iter(places), 0
 
     def named(one: Any) -> str:
         name = f"{one.__module__}.{one.__qualname__}".replace(".", "_")
         names[name] = one
         return name
 
-    def text(value: Any) -> str:
-        if isinstance(value, tuple):
-            inside = "".join(f"{text(part)}, " for part in value)
-            return f"{named(type(value)) if hasattr(value, '_fields') else ''}({inside})"
-        if isinstance(value, np.ndarray) and value.dtype in _TYPES and value.size:
-            number, _ = found.setdefault(id(value), (len(found), value))
-            return f"a{number}"
-        others.append(value)
-        return f"b{len(others) - 1}"
+    def text(kind: Any) -> str:
+        nonlocal size
+        if isinstance(kind, tuple) and isinstance(kind[0], type):
+            inside = "".join(f"{text(part)}, " for part in kind[1:])
+            return f"{named(kind[0]) if hasattr(kind[0], '_fields') else ''}({inside})"
+        place = next(following)
+        if place == len(head):  # an array that was not there before
+            dtype, ndim, by_rows = kind
+            base = f"first.ctypes, table[{size}]"
+            sizes = "".join(f", table[{size + i}]" for i in range(1, ndim + 1))
+            if ndim > 1:
+                base = f"_vector({base}, 1).ctypes"
+            view = _BY_ROWS[ndim, dtype.kind] if by_rows else "_columns"
+            head.append(f"a{place} = {view}({base}{sizes})")
+            size += 1 + ndim
+        return f"a{place}" if place >= 0 else f"b{-place - 1}"
 
-    lines: list[str] = []
-    for function, given in calls:
-        line = f"{named(function)}({', '.join(map(text, given))})"
+    for function, (_, *kinds) in calls:
+        line = f"{named(function)}({', '.join(map(text, kinds))})"
         if _signature(function).return_annotation == "None":
             lines += [line]
         else:
             lines += [f"status = {line}", "if status != 0:", "    return status"]
-    arrays = [array for _, array in found.values()]
-    places = [array.ctypes.data for array in arrays]
-    # all others are behind it in memory
-    first = arrays[places.index(min(places))].ravel("K") if arrays else np.zeros(1)
-    begin = first.ctypes.data
-    head: list[str] = []
-    table: list[int] = []
-    for array, at in zip(arrays, places, strict=True):
-        n = len(table)
-        place = f"first.ctypes, table[{n}]"
-        sizes = "".join(f", table[{n + i}]" for i in range(1, array.ndim + 1))
-        if array.ndim > 1:
-            place = f"_vector({place}, 1).ctypes"
-        rows = _BY_ROWS[array.ndim, array.dtype.kind] if array.flags.c_contiguous else "_columns"
-        head.append(f"a{len(head)} = {rows}({place}{sizes})")
-        table += [(at - begin) // 8, *array.shape]
-    rest = "".join(f", b{i}" for i in range(len(others)))
+    rest = "".join(f", b{i}" for i in range(sum(place < 0 for place in places)))
     source = "\n    ".join([f"(first, table{rest}):", *head, *lines, "return 0\n"])
-    arguments = (first.view(np.float64), np.array(table, dtype=np.int64), *others)
-    return _kernel_of(source, tuple(names.items())), arguments
-
-
-_BY_ROWS = {(1, "f"): "_vector", (2, "f"): "_matrix", (3, "f"): "_tensor", (1, "i"): "_index"}
-
-
-@cache
-def _kernel_of(source: str, names: tuple[tuple[str, Any], ...]) -> Any:
-    """A kernel with a written text, once a process."""
     # a name of its own: machine code is found by the function's name and the arguments' types
     name = f"written_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
     file, source = kernel_folder() / f"{name}.py", f"def {name}{source}"
     if not unsafe() and not file.exists():  # numba keeps machine code by the file of its source
         with contextlib.suppress(OSError):  # it is compiled by every process then
             write_whole(file, source.encode())
-    inside = {"__name__": __name__, **_views(), **dict(names)}
+    inside = {"__name__": __name__, **_views(), **names}
     exec(compile(source, str(file), "exec"), inside)
     return kernel(inside[name])
+
+
+_BY_ROWS = {(1, "f"): "_vector", (2, "f"): "_matrix", (3, "f"): "_tensor", (1, "i"): "_index"}
 
 
 def _vector(base: Any, at: int, n: int) -> Any:

@@ -83,10 +83,8 @@ class ResolvedAcceleration(TaskSpaceLaw):
         z_dot, self._v, force = np.zeros((3, nz))
         self.values |= {"wanted": np.zeros(self._space.p), "z_dot": z_dot, "v": self._v}
         self.values |= {"force": force, "work": np.zeros((nz, nz))}
-        with_bias = "bias" in self.uses
-        self._run = now.run_dynamics if with_bias else now.run_inertia
-        terms = [now.inertia, now.bias_terms] if with_bias else [now.inertia]
-        self._law = sequence(*terms, *self.entries(robot, task))
+        bias = [now.run_effects, now.bias_terms] if "bias" in self.uses else []
+        self._law = sequence(now.inertia, *bias, *self.entries(robot, task))
 
     def entries(self, robot: MobileManipulator, task: Task) -> list[Entry]:
         """The kernels with their arguments, and what else a law calls in a tick."""

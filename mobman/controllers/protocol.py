@@ -180,8 +180,6 @@ class TaskSpaceLaw(Displayed):
     transversality conditions; False if it is e^e alone."""
     values: dict[str, Any]
     """Arguments of kernels by their names, see :meth:`begin`."""
-    _run: Callable[[], None]
-    """Pinocchio's part of the model, as far as the law needs it."""
     _law: Entry
     """What a tick computes, up to ``_v``."""
     _v: Array
@@ -226,7 +224,6 @@ class TaskSpaceLaw(Displayed):
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque v for the tick, shape (nz,); see :class:`Controller`."""
         self._space.at(t, q, z)
-        self._run()
         try:
             if len(z_dot) != len(self._measured):
                 raise ValueError

@@ -86,29 +86,29 @@ class TaskSpace:
         m, nz = task_map.m, robot.nz
         self._t, self.p_d = np.zeros(1), np.zeros((4, m))
         given = self.p_d if m <= 3 else np.zeros((4, task_map.width))
-        then: tuple[Callable[[], object], ...] = (task_entry(task, self._t, given),)
         self._J_f, rates, fill = task_map.rows_of(now)
         self._turn: Turn | None = None
-        extended = None
+        update: Callable[[], int | None]
         if criterion is None:
             self.f = now.tip[:m] if m <= 3 else np.zeros(m)
             self.J, self.J_dot_z = np.zeros((m, nz)), np.zeros(m)
+            own = (now.C, now.q_dot, now.C_dot_z, self.J, self.J_dot_z)
+            update = sequence(now.tip_kinematics, *fill, bind(tip_rates, self._J_f, rates, *own))
         else:
             extended = ExtendedJacobian(robot, task_map, criterion, now)
             self.f, self.J, self.J_dot_z = extended.f, extended.J, extended.J_dot_z
+            update = extended.update
+        self._steps = [
+            sequence(now.velocity),
+            now.run_jacobians,
+            sequence(task_entry(task, self._t, given)),
+            update,
+        ]
         if m > 3:
             orientation = OrientationError(task_map, now, given)
             self._turn = orientation.turn
-            then += orientation.rates(self.f, self.J, self.J_dot_z, self.p_d)
-        self._update: Callable[[], int | None]
-        if extended is None:
-            own = (now.C, now.q_dot, now.C_dot_z, self.J, self.J_dot_z)
-            tip = (now.tip_kinematics, *fill, bind(tip_rates, self._J_f, rates, *own))
-            self._update = sequence(*tip, *then)
-        else:
-            extended.then = then
-            self._update = extended.update
-        self._velocity = sequence(now.velocity)
+            rates_of_error = orientation.rates(self.f, self.J, self.J_dot_z, self.p_d)
+            self._steps.append(sequence(*rates_of_error))
         self.p = len(self.f)
         self.tracking = Tracking(self.f, self.J, self.J_dot_z, self.p_d, now.q, now.z)
 
@@ -146,10 +146,9 @@ class TaskSpace:
                 f"t = {t!r}: q has shape {np.shape(q)} and z {np.shape(z)}; expected {now.q.shape} "
                 f"and {now.z.shape}, all of numbers"
             ) from None
-        self._velocity()
-        now.run_jacobians()
-        if status := self._update():
-            raise SingularityError(REASONS[status])
+        for step in self._steps:
+            if status := step():
+                raise SingularityError(REASONS[status])
 
 
 @kernel

@@ -431,7 +431,7 @@ class TerminalSlidingMode(LimitedMotors, TaskSpaceLaw):
         kinematic = self._kinematic = SlidingStage.of(gains, self._space.p, *names)
         dynamic = self._dynamic = SlidingStage.of(gains, nz, "Lambda_0", "Lambda_1")
         held = self._held = Held(*np.zeros((5, nz)))
-        self._v, self._run = held.v, now.run_inertia
+        self._v = held.v
         self.values |= {"gains": in_force(gains, dt, a, A, self.inverse_actuation), "held": held}
         self.values |= {"kinematic": kinematic, "dynamic": dynamic, "stage": kinematic}
         self.values |= {"z_dot": self._measured, "v": held.v, "q_rest": robot.q_rest}

@@ -53,9 +53,9 @@ class Buffers:
         tip_rotation: Of the tip frame, shape (3, 3); filled by ``tip_orientation``.
         tip_axes: For those of a pointing task, see :mod:`mobman.model.task_map`, shape (4, 3).
         run_dynamics: Pinocchio's part of ``inertia`` and ``bias_terms``; needs q and q_dot.
-        run_all: The same, leaving the joints' placements and Jacobians (not their rates) behind.
-        run_inertia: Pinocchio's part of ``inertia``; needs q.
-        run_jacobians: Pinocchio's part of ``tip_kinematics``; needs q and q_dot.
+        run_effects: That of ``bias_terms`` alone, where M' is there.
+        run_jacobians: Pinocchio's part of ``tip_kinematics`` and ``inertia``; needs q.
+        run_all: Pinocchio's part of all of these; needs q and q_dot.
     """
 
     def __init__(self, robot: Any) -> None:
@@ -77,16 +77,12 @@ class Buffers:
         # Pinocchio's results where they are, instead of copies at every call
         self.data = data = robot.model.createData()
         self.joint_inertia, self.nonlinear = data.M, data.nle
-        # In world axes crba computes placements and Jacobians on the way, but loses digits with the
-        # distance from the origin: 1e-12 at 30 m.
+        # In world axes crba computes placements and Jacobians on the way, which spares a pass over the
+        # joints, but loses digits with the distance from the origin: 1e-12 at 30 m.
         world = pin.Convention.WORLD
         # local names, since these run many times a tick
         model, q, q_dot = robot.model, self.q, self.q_dot
-        effects, crba, jacobians = (
-            pin.nonLinearEffects,
-            pin.crba,
-            pin.computeJointJacobiansTimeVariation,
-        )
+        effects, crba = pin.nonLinearEffects, pin.crba
 
         def run_dynamics() -> None:
             effects(model, data, q, q_dot)
@@ -96,14 +92,14 @@ class Buffers:
             effects(model, data, q, q_dot)
             crba(model, data, q, world)
 
-        def run_inertia() -> None:
-            crba(model, data, q)
+        def run_effects() -> None:
+            effects(model, data, q, q_dot)
 
         def run_jacobians() -> None:
-            jacobians(model, data, q, q_dot)
+            crba(model, data, q, world)
 
         self.run_dynamics, self.run_all = run_dynamics, run_all
-        self.run_inertia, self.run_jacobians = run_inertia, run_jacobians
+        self.run_effects, self.run_jacobians = run_effects, run_jacobians
 
     @cached_property
     def _motion(self) -> Motion:
@@ -122,6 +118,7 @@ class Buffers:
             bind(own.velocity_map_rate, own.parameters, at.x, at.x_dot, at.N_rate),
             bind(motors.actuation, motors.parameters, at.x, at.platform_B),
             bind(assemble_velocity, at),
+            join=False,
         )
 
     @cached_property
@@ -132,11 +129,12 @@ class Buffers:
             bind(own.constraints, own.parameters, at.x, at.platform_A, at.A_x),
             bind(own.constraint_derivative_rate, own.parameters, at.x, at.x_dot, at.A_x_rate),
             bind(assemble_constraints, at),
+            join=False,
         )
 
     @cached_property
     def inertia(self) -> Callable[[], None]:
-        """Fills M and B, after ``velocity`` and ``run_inertia`` or ``run_dynamics``."""
+        """Fills M and B, after ``velocity`` and ``run_jacobians`` or ``run_dynamics``."""
         index, arm = self._robot.platform_index, self._robot.arm
         given = (self.joint_inertia, index, arm, self.N, self.platform_B)
         return bind(reduced_inertia, *given, self.M, self.B)
@@ -155,7 +153,7 @@ class Buffers:
         return bind(
             tip_kinematics,
             *(placement.rotation, placement.translation, robot.tip_offset, robot.tip_chain),
-            *(data.J, data.dJ, self.q_dot, self.tip, self.tip_jacobian, self.tip_jacobian_rate),
+            *(data.J, self.q_dot, self.tip, self.tip_jacobian, self.tip_jacobian_rate),
         )
 
     @cached_property
@@ -257,7 +255,6 @@ def tip_kinematics(
     offset: Vector,
     chain: Vector,
     jacobian_origin: Columns,
-    rate_origin: Columns,
     q_dot: Vector,
     position: Vector,
     jacobian: Matrix,
@@ -265,9 +262,11 @@ def tip_kinematics(
 ) -> None:
     """The tip's position p, and its Jacobian and the rate of that in world axes, linear rows first.
 
-    Pinocchio keeps the columns of all joints for a point at the world's origin: the tip's velocity is
-    v + w x p, its rate v' + w' x p + w x p', for the joints that carry it (``chain`` is 1 for these,
-    else 0). Rotation and translation are of the joint that carries the tip, offset the tip in its axes.
+    Pinocchio keeps the columns (v, w) of all joints for a point at the world's origin: the tip's
+    velocity is v + w x p, its rate v' + w' x p + w x p', for the joints that carry it (``chain`` is 1
+    for these, else 0). A joint's axis moves with the body that carries it, of the velocity (V, W) at the
+    origin: v' = W x v + V x w, w' = W x w. Rotation and translation are of the joint that carries the
+    tip, offset the tip in its axes.
     """
     for i in range(3):
         position[i] = translation[i]
@@ -285,13 +284,20 @@ def tip_kinematics(
         x_dot += jacobian[0, j] * q_dot[j]
         y_dot += jacobian[1, j] * q_dot[j]
         z_dot += jacobian[2, j] * q_dot[j]
-    for j in range(chain.shape[0]):
-        on = chain[j]
-        w0, w1, w2 = jacobian[3, j], jacobian[4, j], jacobian[5, j]
-        r0, r1, r2 = rate_origin[3, j], rate_origin[4, j], rate_origin[5, j]
-        rate[0, j] = on * (rate_origin[0, j] + r1 * z - r2 * y) + w1 * z_dot - w2 * y_dot
-        rate[1, j] = on * (rate_origin[1, j] + r2 * x - r0 * z) + w2 * x_dot - w0 * z_dot
-        rate[2, j] = on * (rate_origin[2, j] + r0 * y - r1 * x) + w0 * y_dot - w1 * x_dot
+    V0 = V1 = V2 = W0 = W1 = W2 = 0.0
+    for j in range(chain.shape[0]):  # from the base to the tip
+        on, by = chain[j], chain[j] * q_dot[j]
+        v0, v1, v2 = jacobian_origin[0, j], jacobian_origin[1, j], jacobian_origin[2, j]
+        w0, w1, w2 = jacobian_origin[3, j], jacobian_origin[4, j], jacobian_origin[5, j]
+        V0, V1, V2 = V0 + by * v0, V1 + by * v1, V2 + by * v2
+        W0, W1, W2 = W0 + by * w0, W1 + by * w1, W2 + by * w2
+        r0, r1, r2 = W1 * w2 - W2 * w1, W2 * w0 - W0 * w2, W0 * w1 - W1 * w0
+        v0_dot = W1 * v2 - W2 * v1 + V1 * w2 - V2 * w1
+        v1_dot = W2 * v0 - W0 * v2 + V2 * w0 - V0 * w2
+        v2_dot = W0 * v1 - W1 * v0 + V0 * w1 - V1 * w0
+        rate[0, j] = on * (v0_dot + r1 * z - r2 * y + w1 * z_dot - w2 * y_dot)
+        rate[1, j] = on * (v1_dot + r2 * x - r0 * z + w2 * x_dot - w0 * z_dot)
+        rate[2, j] = on * (v2_dot + r0 * y - r1 * x + w0 * y_dot - w1 * x_dot)
         rate[3, j], rate[4, j], rate[5, j] = on * r0, on * r1, on * r2
 
 

@@ -128,7 +128,6 @@ class ExtendedJacobian:
         buffers: The robot's matrices at the state, if somebody computes them already.
 
     Attributes:
-        then: Entries that :meth:`update` calls at its end; set before its first call.
         buffers: The robot's matrices at the state.
         f, J, J_dot_z, complement: As of :class:`ExtendedKinematics`, with f = (f_e, f_a); the rows of
             the complement are carried from state to state.
@@ -142,7 +141,6 @@ class ExtendedJacobian:
         buffers: Buffers | None = None,
     ) -> None:
         self.buffers = now = Buffers(robot) if buffers is None else buffers
-        self.then: tuple[Callable[[], object], ...] = ()
         self._criterion = criterion
         nq, nz, m, s = robot.nq, robot.nz, task_map.m, task_map.m + robot.k
         self.f, self.J, self.J_dot_z = np.zeros(nz), np.zeros((nz, nz)), np.zeros(nz)
@@ -162,20 +160,22 @@ class ExtendedJacobian:
         )
 
     @cached_property
-    def _coordinates(self) -> tuple[Callable[[], object], ...]:
+    def coordinates(self) -> Callable[[], int]:
+        """Fills f and the complement, after the buffers' ``constraints`` and ``tip_kinematics``;
+        SINGULAR, or GAUGE_LOST where :meth:`auxiliary` has to do it."""
         now, at = self.buffers, self._at
         criterion = criterion_entry(self._criterion, now.q, now.q_dot, at.g, at.H, at.H_rate)
-        return (*self._rows, criterion, bind(coordinates, at, self._own))
-
-    @cached_property
-    def _auxiliary(self) -> Callable[[], int]:
-        return sequence(*self._coordinates)
+        return sequence(*self._rows, criterion, bind(coordinates, at, self._own), join=False)
 
     @cached_property
     def _update(self) -> Callable[[], int]:
         now = self.buffers
-        rest = (bind(rates, self._at, self._own), *self.then)
-        return sequence(now.constraints, now.tip_kinematics, *self._coordinates, *rest)
+        rest = bind(rates, self._at, self._own)
+        return sequence(now.constraints, now.tip_kinematics, self.coordinates, rest)
+
+    @cached_property
+    def _velocity(self) -> Callable[[], int]:
+        return sequence(self.buffers.velocity)
 
     def auxiliary(self) -> None:
         """Fill f and the complement, after the buffers' ``constraints`` and ``tip_kinematics``.
@@ -183,7 +183,7 @@ class ExtendedJacobian:
         Raises:
             SingularityError: If j has lost its rank.
         """
-        while status := self._auxiliary():
+        while status := self.coordinates():
             self._resolve(status)
 
     def update(self) -> None:
@@ -211,7 +211,7 @@ class ExtendedJacobian:
         now = self.buffers
         now.q[:] = q
         now.z[:] = z
-        now.velocity()
+        self._velocity()
         now.run_jacobians()
         self.update()
 

@@ -132,7 +132,7 @@ class ContactPlant(Plant):
         self._index()
         now.q[:], now.z[:] = q, 0.0
         parts = self.resistances()
-        self._resist = sequence(now.run_inertia, now.inertia, *parts) if parts else None
+        self._resist = sequence(now.run_jacobians, now.inertia, *parts) if parts else None
         self._settle(q)
         self._measure()
         return self

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from enum import IntEnum
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -94,6 +96,10 @@ class RungeKutta:
         ]
         now.velocity()
 
+    @cached_property
+    def _dynamics(self) -> Callable[[], int]:
+        return sequence(self.plant.dynamics)
+
     def evaluate(self, t: float) -> None:
         """Evaluate the dynamics at the state and the time t (s).
 
@@ -102,7 +108,7 @@ class RungeKutta:
         """
         self.plant.now.run_dynamics()
         self.plant.disturb(t)
-        require_success(self.plant.dynamics())
+        require_success(self._dynamics())
 
     def step(self, t: float) -> None:
         """Go on from t to t + h under the plant's torque; the dynamics are evaluated at the state.
@@ -110,15 +116,16 @@ class RungeKutta:
         Raises:
             SingularityError: If M is not positive definite somewhere on the way.
         """
-        plant, run_dynamics = self.plant, self.plant.now.run_dynamics
+        disturb, run_dynamics = self.plant.disturb, self.plant.now.run_dynamics
         first, second, third, fourth = self._stages
+        h = float(self.h[0])
         first()
-        plant.disturb(t + 0.5 * self.h[0])
+        disturb(t + 0.5 * h)
         run_dynamics()
         status = second()
         run_dynamics()
         status |= third()
-        plant.disturb(t + self.h[0])
+        disturb(t + h)
         run_dynamics()
         require_success(status | fourth())
 

@@ -17,7 +17,7 @@ from mobman.controllers.protocol import Controller
 from mobman.errors import MobmanError, SingularityError, UsageError
 from mobman.linalg import dot
 from mobman.model.criterion import Criterion, Posture
-from mobman.model.extended_jacobian import ExtendedJacobian
+from mobman.model.extended_jacobian import GAUGE_LOST, SINGULAR, ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.orientation import NOT_UNIT, OrientationError, Turn, pointing_error, pose_error
 from mobman.model.task_map import TaskMap
@@ -157,7 +157,6 @@ class Loop:
         self._t, self._tick = np.zeros(1), np.zeros(1, dtype=np.int64)
         self._z_dot, self.constraint_residual = np.zeros(robot.nz), np.zeros(1)
         self._look = self._looking()
-        self._auxiliary: Callable[[], object] | None = None
         report = "monitored_signals" if monitor else "signals"
         self._report: Callable[[], dict[str, Any]] | None = getattr(controller, report, None)
 
@@ -214,15 +213,12 @@ class Loop:
         if self._tip is not None:
             self._tip.look(plant.now.q, plant.now.z, plant.now, plant.q_dot)
         self.controller.reset(self.robot.copy(), self._tip or self.task, self.dt)
-        extended = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
-        self._auxiliary = extended.auxiliary
-        m, tick = self.task_map.m, self._tick
-        self._keep_auxiliary = sequence(
-            bind(_keep_from, tick, extended.f, m, samples.auxiliary_error)
-        )
+        self._extended = ExtendedJacobian(plant.robot, self.task_map, self.criterion, plant.now)
+        f, m, tick = self._extended.f, self.task_map.m, self._tick
+        self._keep_auxiliary = bind(_keep_from, tick, f, m, samples.auxiliary_error)
         keep_command = bind(_keep_finite, tick, self._command, samples.torque)
         self._keep = sequence(keep_command, *self._signal_entries())
-        self._evaluate_auxiliary()
+        self._look_on = self._with_auxiliary()
 
     def _go(self) -> Iterator[tuple[Array, Array, Array]]:
         """Tick by tick: look, control, integrate."""
@@ -230,7 +226,7 @@ class Loop:
         samples, plant, now = self.samples, self.plant, self.plant.now
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
         run_all, measure, step = now.run_all, self._measurement, self.controller.step
-        look, tip, disturb = self._look, self._tip, plant.disturb
+        look, tip, disturb = self._look_on, self._tip, plant.disturb
         q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
         keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype
         every, compute_time = max(1, ticks // 100), samples.compute_time
@@ -244,10 +240,11 @@ class Loop:
             if status := look():
                 if status == NOT_DEFINITE:
                     require_success(status)
-                error = samples.tip_position[tick] - samples.tip_desired[tick]
-                samples.ended(t, Divergence(status).reason(z, error))
-                return
-            self._evaluate_auxiliary()
+                if status not in (SINGULAR, GAUGE_LOST):
+                    error = samples.tip_position[tick] - samples.tip_desired[tick]
+                    samples.ended(t, Divergence(status).reason(z, error))
+                    return
+                look = self._with_auxiliary()
             q_now, z_now, measured = seen = measure(q, z, z_dot)
             if tip is not None:
                 tip.look(q_now, z_now, now, plant.q_dot)
@@ -289,7 +286,8 @@ class Loop:
         return found
 
     def _looking(self) -> Callable[[], int]:
-        """Entry that keeps a row of the state, or reports why it counts as diverged; then z'."""
+        """Entry that keeps a row of the state, or reports why it counts as diverged; then z'. It is part
+        of the ticks' own, :meth:`_with_auxiliary`."""
         plant, samples, p_d = self.plant, self.samples, np.zeros((4, self.task_map.width))
         now, orientation = plant.now, []
         if self.task_map.m > 3:
@@ -311,17 +309,18 @@ class Loop:
             ),
             *orientation,
             *plant.accelerations(self._z_dot),
+            join=False,
         )
 
-    def _evaluate_auxiliary(self) -> None:
-        """Keep a row of e^a; none any more from a kinematic singularity on."""
-        if self._auxiliary is None:
-            return
+    def _with_auxiliary(self) -> Callable[[], int]:
+        """Keep a row of e^a, and give what looks at the next ticks: SINGULAR or GAUGE_LOST where this
+        has to be called again. From a kinematic singularity on there is no e^a any more."""
         try:
-            self._auxiliary()
+            self._extended.auxiliary()
             self._keep_auxiliary()
         except SingularityError:
-            self._auxiliary = None
+            return sequence(self._look)
+        return sequence(self._look, self._extended.coordinates, self._keep_auxiliary)
 
     def _actuate(self, actuation: ActuationChain, tick: int) -> None:
         """Pass the command through the actuation, and keep what acts."""

@@ -105,6 +105,8 @@ class Plant:
     def longest_step(self, h: float) -> float:
         """The longest integration step from the state on (s): h, or less where friction is steep, or a
         joint at a stop."""
+        if not self._stops:
+            return min(h, self._longest)
         now = self.now
         near = [part.step for part in self._stops if part.near(now.q, now.q_dot, h)]
         return min(h, self._longest, *near)
@@ -151,7 +153,7 @@ class Plant:
             *(now.joint_inertia, now.nonlinear, robot.platform_index, robot.arm),
             *(now.N, now.platform_B, now.C_dot_z, now.M, now.B, now.bias, self.forces.lower),
         )
-        return sequence(dynamics, *self.resistances())
+        return sequence(dynamics, *self.resistances(), join=False)
 
     def resistances(self) -> list[Callable[[], Any]]:
         """Entries that add friction and stops to the disturbance, once B is there; none without."""
@@ -175,6 +177,7 @@ class Plant:
             bind(_look_at_pose, index, self.now.q, self.now.q_dot, *place),
             *(entry(pose, rolling, slipping) for entry in self._slip),
             bind(_add_slip, index, slipping, self.now.q_dot, self.q_dot),
+            join=False,
         )
 
     def acceleration(self, t: float, q: Array, z: Array, torque: Array) -> Array:

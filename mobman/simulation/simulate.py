@@ -117,16 +117,16 @@ def simulate(
         watching: dict[str, Any] = {"progress": progress, "observe": observe, "stride": stride}
         loop = Loop(robot, law, aim, scenario, plant, ticks=ticks, **watching, **numbers)
         loop.run()
-    run = describe_run(
-        robot=robot,
-        controller=(controller, law),
-        task=(task, aim),
-        plant=(plant, loop.plant.robot),
-        scenario=scenario,
-        duration=duration,
-        **numbers,
-    )
-    return _record(loop, run, urdfs_of_run(robot, plant))
+        run = describe_run(
+            robot=robot,
+            controller=(controller, law),
+            task=(task, aim),
+            plant=(plant, loop.plant.robot),
+            scenario=scenario,
+            duration=duration,
+            **numbers,
+        )
+        return _record(loop, run, urdfs_of_run(robot, plant))
 
 
 def seconds(name: str, value: float) -> float:

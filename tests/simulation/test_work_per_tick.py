@@ -18,7 +18,7 @@ from mobman.controllers.protocol import controllers
 TICKS = 20
 
 PLANT = {"crba": 4, "nonLinearEffects": 4}  # of Runge-Kutta; the first ones serve the measurement
-TRANSPOSES = {"computeJointJacobiansTimeVariation": 1, "crba": 1}
+TRANSPOSES = {"crba": 1}  # in world axes, which leaves the Jacobians behind
 FULL_MODEL = {**TRANSPOSES, "nonLinearEffects": 1}
 MORE = {"adaptive": {"computeJointTorqueRegressor": 2}}
 LAWS = {
@@ -26,8 +26,8 @@ LAWS = {
     for name in mm.list_controllers()
 }
 # of 20 ticks: one solution, with the tip at the ends of eight intervals
-PLANS = {"mpc": {"computeJointJacobiansTimeVariation": 8}}
-LAMBDA_MIN = {"computeJointJacobiansTimeVariation": 1}  # the metric, every 10 ms
+PLANS = {"mpc": {"crba": 8}}
+LAMBDA_MIN = {"crba": 1}  # the metric, every 10 ms
 
 
 @pytest.fixture
@@ -126,7 +126,7 @@ def test_matrices_at_a_state(calls):
     for function, expected in (
         (robot.velocity, {}),
         (robot.dynamics, {"crba": 1, "nonLinearEffects": 1}),
-        (robot.tip_kinematics, {"computeJointJacobiansTimeVariation": 1}),
+        (robot.tip_kinematics, {"crba": 1}),
     ):
         calls.clear()
         function(q, z)
