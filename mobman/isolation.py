@@ -44,20 +44,13 @@ class Helper:
         self._process: subprocess.Popen[bytes] | None = None
 
     def call(self, function: str, *arguments: Any, seconds: float, megabytes: float) -> Any:
-        """Run a function in the helper.
+        """Run a function of mobman's own, ``"module:name"`` (never a name from a file), in the helper,
+        with arguments that JSON holds; its result is numbers, text, bytes, arrays, and lists and
+        dictionaries of these. It may take so much processor time (s), and memory in addition to what the
+        helper has (MB).
 
-        Args:
-            function: ``"module:name"`` of mobman's own; never a name from a file.
-            arguments: What JSON holds.
-            seconds: Processor time that it may take (s).
-            megabytes: Memory that it may take (MB), in addition to what the helper has.
-
-        Returns:
-            Its result: numbers, text, bytes, arrays, and lists and dictionaries of these.
-
-        Raises:
-            MobmanError: As the function does; other exceptions arrive as :class:`Crash`.
-            Crash: If the helper ended, or took more time or memory.
+        MobmanError as the function raises it; Crash at other exceptions, if the helper ended, or took
+        more.
         """
         with self._lock:
             try:

@@ -101,15 +101,9 @@ def find_spec(
     Anything that ends in ``.toml`` or has a path separator is a path. A URDF, a xacro file, a folder or
     an archive with one serves as well: what its TOML would say is inferred, and said in a warning.
 
-    Args:
-        name_or_path: The name or the path.
-        made_of: What messages name in the place of a URDF that was made of it.
-        facts: Of a URDF what is not to be inferred: fields of :class:`Options`.
-
-    Raises:
-        UnknownNameError: If no robot has the name.
-        SpecError: If the description is not valid.
-        UsageError: If a URDF does not tell enough.
+    Of a URDF ``facts`` are what is not to be inferred, fields of :class:`Options`; messages name what it
+    was ``made_of`` in its place. UnknownNameError if no robot has the name, SpecError if the description
+    is not valid, UsageError if a URDF does not tell enough.
     """
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise UsageError(f"{name_or_path!r} is not a robot: expected a name or a TOML file")

@@ -87,17 +87,11 @@ class PageServer(socketserver.ThreadingTCPServer):
     no encryption.
 
     Args:
-        page: The page.
+        page: The page; ``url`` is its address then.
         host: Address to listen on; ``"0.0.0.0"`` or ``"::"`` for all of this machine.
-        port: Port; a free one if None.
+        port: Port; a free one if None. UsageError if it is taken or not allowed, or the host is none.
         frames: Gives what a page that follows a run is to be told, from the time of its latest frame
             (s); it is called by one thread at a time.
-
-    Raises:
-        UsageError: If the port is taken or not allowed, or the address is none of this machine's.
-
-    Attributes:
-        url: The page's address.
     """
 
     daemon_threads = True

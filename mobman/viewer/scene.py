@@ -59,8 +59,9 @@ class SampledRun(NamedTuple):
     desired: Array  # p_d (m), shape (N, 3)
     error: Array  # |e^e| (m), shape (N,)
     platform: Array  # The platform's reference point (m), shape (N, 3)
-    q: Array | None = None
-    """Configuration, shape (N, nq); as the two below, of a robot that is known."""
+    q: Array | None = (
+        None  # Configuration, shape (N, nq); with the two below, if the robot is known
+    )
     q_dot: Array | None = None  # Rate of the configuration, shape (N, nq)
     effort: Array | None = None
     """B' v: the generalised force on each coordinate (N m, N), shape (N, nq)."""

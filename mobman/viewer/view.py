@@ -242,25 +242,14 @@ def _run(thing: Any) -> scenes.ShownRun | None:
 
 
 class LiveRun:
-    """Shows a run that is being simulated, without a part in it.
+    """Shows a run that is being simulated, without a part in it: ``scene`` is the page's as it begins,
+    ``every`` the simulated time from one look at it to the next (s).
 
-    It is given copies of the state, and computes from them with a robot and a task of its own, since it
-    does so in another thread than the simulation.
-
-    Args:
-        robot: The robot, at rest where it begins.
-        task: The task's name.
-        options: Its parameters that are not to have their defaults.
-        duration: Duration of the run (s).
-        speed: Simulated seconds a second at most; None for as fast as it goes.
-        about: To be shown: names of the ``controller`` and the ``scenario``, and the ``seed``.
-
-    Raises:
-        UsageError: If the speed or the duration is not a positive number.
-
-    Attributes:
-        scene: The page's, as the run begins.
-        every: Simulated time from one look at the run to the next (s).
+    It is given copies of the state, and computes from them with a robot (at rest where the run begins)
+    and a task of its own, since it does so in another thread than the simulation. ``speed`` is the
+    largest, in simulated seconds a second, None for as fast as it goes; ``about`` has names of the
+    ``controller`` and the ``scenario``, and the ``seed``. UsageError if the speed or the duration (s) is
+    not a positive number.
     """
 
     def __init__(

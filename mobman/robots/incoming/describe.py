@@ -88,20 +88,13 @@ def describe(
     """Find out everything about a robot that its description needs.
 
     Args:
-        source: As of :func:`incoming`.
-        options: Facts that the user gives.
+        source: As of :func:`incoming`, like ``packages``, ``arguments``, and the errors.
+        options: Facts that the user gives; Undecided if one more is needed, with all that are.
         name: Its name, if the user gives one; ``output`` and the files suggest others.
         output: The TOML that is to be written.
         up: Axis of the root link that points up.
         mounts: What is to be mounted on it.
-        packages: Folders of packages of meshes, and of xacro files.
-        arguments: Of xacro files.
         made_of: What the user gave, if the source was made of that.
-
-    Raises:
-        UsageError: If there is no such file, or several.
-        SpecError: If a file is no URDF that makes sense.
-        Undecided: If something takes an option; all that does is in the message.
     """
     parts = []
     for mount in (None, *mounts):

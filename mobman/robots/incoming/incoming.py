@@ -99,9 +99,7 @@ def incoming(
         packages: Folders that hold packages of ``$(find NAME)`` and ``package://NAME/...``.
         arguments: Values of xacro's arguments.
 
-    Raises:
-        UsageError: If it is none of these, or there are several.
-        SpecError: If it cannot be read or made into a URDF.
+    UsageError if it is none of these, or there are several; SpecError if it cannot be made a URDF.
     """
     text, given = os.fspath(source), _Given(tuple(packages), arguments or {})
     if text == "-":

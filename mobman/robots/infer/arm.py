@@ -113,7 +113,8 @@ class Branches:
         tree = self._tree
         telling = not common("finger", [joint.name for joint in self.joints])
         found: set[str] = set()
-        for joint in self.joints:
+        # the file may have what is behind a finger before it
+        for joint in sorted(self.joints, key=lambda joint: len(tree.chain(joint.child))):
             before = [j for j in tree.chain(joint.parent) if j.name not in self._taken]
             if any(j.name in found for j in before):
                 found.add(joint.name)
@@ -123,10 +124,6 @@ class Branches:
                 named = says("finger", joint.name) or (leaf and says("finger_link", joint.child))
                 if (named and telling and self._at_the_end(joint)) or self._one_of_several(before):
                     found.add(joint.name)
-        # the file may have what is behind a finger before it
-        for joint in self.joints:
-            if any(j.name in found for j in tree.chain(joint.parent)):
-                found.add(joint.name)
         return found
 
     def _at_the_end(self, joint: Joint) -> bool:

@@ -81,12 +81,8 @@ class Inference:
 
 
 def infer(urdf: UrdfFile, options: Options) -> Inference:
-    """Find out what a URDF does not say outright.
-
-    Raises:
-        SpecError: If the file is no URDF that makes sense.
-        Undecided: If something takes an option; all that does is in the message.
-    """
+    """Find out what a URDF does not say outright; SpecError if it makes no sense, Undecided if something
+    takes an option, with all that does."""
     robot = urdf.parse()
     tree = Tree(robot, urdf)
     wheels, high = rolling_wheels(tree)

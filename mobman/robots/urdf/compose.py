@@ -203,8 +203,7 @@ def flat_urdf(
         virtual_joints: Coordinates that no joint has: each becomes one about the root link's z axis that
             carries a link without mass.
 
-    Raises:
-        SpecError: If it has not exactly one root link, or a joint has a name that is kept.
+    SpecError if it has not exactly one root link, or a joint has a name that is kept.
     """
     for joint in robot.findall("joint"):
         name = joint.get("name")
