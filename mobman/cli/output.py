@@ -175,10 +175,11 @@ def interrupted_once() -> Iterator[None]:
                 signal.signal(number, handler)
 
 
-class Display:
+class Display(ExitStack):
     """Progress of several runs, interrupted once: a bar on a terminal, lines elsewhere."""
 
     def __init__(self, **options: Any) -> None:
+        super().__init__()
         self._console = console(stderr=True)
         self.live = self._console.is_terminal
         counts, note = (
@@ -190,13 +191,9 @@ class Display:
         self._bar = self._progress.add_task("runs", total=None, counts="", note="")
 
     def __enter__(self) -> Self:
-        self._inside = ExitStack()
-        self._inside.enter_context(interrupted_once())
-        self._inside.enter_context(self._progress)
+        self.enter_context(interrupted_once())
+        self.enter_context(self._progress)
         return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._inside.__exit__(*error)
 
     def say(self, text: str, *, of_many: bool = False) -> None:
         """Print a line, above the bar if there is one; one of many does not go with a bar, unless more

@@ -50,8 +50,7 @@ def convert(path: str) -> list[Any]:
         model = mujoco.MjModel.from_xml_path(path)
     except ValueError as error:
         raise MobmanError(" ".join(str(error).split())) from error
-    made = _Conversion(mujoco, model)
-    made.run(Path(path).stem)
+    made = _Conversion(mujoco, model, Path(path).stem)
     return [ET.tostring(made.robot, encoding="unicode"), made.said, made.meshes]
 
 
@@ -62,19 +61,14 @@ class _Conversion:
     frame of a body's link is where its last joint is, and links without mass stand between the joints.
     """
 
-    def __init__(self, mujoco: Any, model: Any) -> None:
+    def __init__(self, mujoco: Any, model: Any, name: str) -> None:
         self._mujoco, self._model = mujoco, model
-        self.robot = ET.Element("robot")
+        self.robot = ET.Element("robot", name=name)
         self.said: list[str] = []
         self.meshes: dict[str, bytes] = {}
         self._links: dict[str, ET.Element] = {}
         self._at: dict[int, tuple[str, Array]] = {}  # link of a body; its frame in the body's (m)
         self._left_out: dict[str, list[str]] = {}
-
-    def run(self, name: str) -> None:
-        """Convert the only robot of the model."""
-        model = self._model
-        self.robot.set("name", name)
         roots = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
         moving = [b for b in roots if any(self._hinges(k) for k in self._tree(b))]
         if len(moving) != 1:

@@ -32,7 +32,6 @@ def urdf_of(sdf: ET.Element, where: str) -> tuple[str, list[str]]:
         named = f" ({listed(one.get('name', '') for one in moving)})" if moving else ""
         raise SpecError(f"{where} has {len(moving)} models with joints{named}; allowed: one")
     made = _Model(moving[0], sdf.get("version", "1.7"), where)
-    made.run()
     if others := [one.get("name", "") for one in models if one is not moving[0]]:
         made.said.append(f"left out, since they are no part of the robot: {listed(others)}")
     return ET.tostring(made.robot, encoding="unicode"), made.said
@@ -52,10 +51,7 @@ class _Model:
         self.said: list[str] = []
         self._frames: dict[str, tuple[str, pin.SE3]] = {_MODEL: ("", pin.SE3.Identity())}
         self._known: dict[str, pin.SE3] = {}
-
-    def run(self) -> None:
-        """Convert the model."""
-        model, joints = self._model, self._model.findall("joint")
+        joints = model.findall("joint")
         for tag in ("model", "include"):
             if model.find(tag) is not None:
                 advice = "models within others are not read; write them out as one (gz sdf -p)"
