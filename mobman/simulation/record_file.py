@@ -25,7 +25,7 @@ EARLIER = (2,)
 
 
 class Place(NamedTuple):
-    """A dataset of a record's file, with a row for each sample."""
+    """A dataset of a record's file: names along an axis, or a row for each sample."""
 
     units: str
     description: str
@@ -36,6 +36,12 @@ class Place(NamedTuple):
 
 
 _TABLE = """
+joint |  | coordinates of q
+velocity |  | components of z, and the motors
+axis |  | world axes
+auxiliary_component | 1 | components of e^a
+error/component |  | components of e^e
+tip/component |  | components of orientations
 q | m or rad | configuration, platform and arm | q | joint
 z | 1/s of its coordinate | reduced velocity (alpha, y') | z | velocity
 torque | N m or N | commanded torque v, held from this tick to the next | torque | velocity
@@ -132,6 +138,22 @@ def error_components(m: int) -> list[str]:
     return ["x", "y", "z"][:m] + turns.get(m, [])
 
 
+def axes_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Names along the axes of a record's datasets, or numbers; of e^e without an orientation, those of
+    the world's axes."""
+    names = error_components(record["task_error"].shape[1])
+    axes = {
+        "joint": record["joint_names"],
+        "velocity": record["velocity_names"],
+        "axis": names[:3],
+        "auxiliary_component": np.arange(record["auxiliary_error"].shape[1]),
+    }
+    if (turned := record.get("tip_orientation")) is not None:
+        components = ["w", *names[:3]][-turned.shape[1] :]
+        axes |= {"error/component": names, "tip/component": components}
+    return axes
+
+
 def file_content(record: Mapping[str, Any], *, every: int = 1, compression: int = 4) -> bytes:
     """The content of the file of a record, given by the fields of a :class:`mobman.Record`, with every
     so many-th sample and the last; equal records make equal bytes. UsageError if ``every`` or
@@ -213,13 +235,13 @@ def _write_attributes(file: h5py.File, record: Mapping[str, Any], every: int) ->
 
 
 def _write_samples(file: h5py.File, record: Mapping[str, Any], rows: Any, compression: int) -> None:
-    def axis(name: str, values: Any, units: str, description: str) -> h5py.Dataset:
+    def axis(name: str, values: Any, about: Place) -> h5py.Dataset:
         kind = None if isinstance(values, np.ndarray) else h5py.string_dtype()
-        found = _dataset(file, name, values, units, description, dtype=kind)
+        found = _dataset(file, name, values, about, dtype=kind)
         found.make_scale(name)
         return found
 
-    def samples(place: str, values: Any, units: str, description: str) -> h5py.Dataset:
+    def samples(place: str, values: Any, about: Place) -> h5py.Dataset:
         values = np.asarray(values, dtype="<f8")[rows]
         options: dict[str, Any] = {}
         if compression and values.size:
@@ -227,46 +249,32 @@ def _write_samples(file: h5py.File, record: Mapping[str, Any], rows: Any, compre
             count = math.ceil(values.shape[0] / max(1, math.ceil(values.shape[0] / _ROWS)))
             options = {"compression": "gzip", "compression_opts": compression, "shuffle": True}
             options["chunks"] = (max(1, count), *(1 for _ in values.shape[1:]))
-        return _dataset(file, place, values, units, description, **options)
+        return _dataset(file, place, values, about, **options)
 
-    time = samples("t", record["t"], "s", "time")
+    time = samples("t", record["t"], Place("s", "time"))
     time.make_scale("t")
-    names = error_components(record["task_error"].shape[1])
-    directions = names[:3]
-    components = np.arange(record["auxiliary_error"].shape[1])
-    motors = record["velocity_names"]
-    scales = {
-        "joint": axis("joint", record["joint_names"], "", "coordinates of q"),
-        "velocity": axis("velocity", motors, "", "components of z, and the motors"),
-        "axis": axis("axis", directions, "", "world axes"),
-        "auxiliary_component": axis("auxiliary_component", components, "1", "components of e^a"),
-    }
-    scales["error/component"] = scales["axis"]
-    places = places_of(record)
-    if oriented := places.keys() >= ORIENTATION.keys():
-        scales["error/component"] = axis("error/component", names, "", "components of e^e")
-        names = ["w", *directions][-record["tip_orientation"].shape[1] :]
-        scales["tip/component"] = axis("tip/component", names, "", "components of orientations")
-    for place, about in places.items():
-        units = "m, then 1" if place == "error/task" and oriented else about.units
-        data = samples(place, record[about.field], units, about.description)
+    scales = {name: axis(name, x, _PLACES[name]) for name, x in axes_of(record).items()}
+    for place, about in places_of(record).items():
+        if place == "error/task" and "error/component" in scales:
+            about = about._replace(units="m, then 1")
+        data = samples(place, record[about.field], about)
         data.dims[0].attach_scale(time)
         if about.axis:
-            data.dims[1].attach_scale(scales[about.axis])
+            data.dims[1].attach_scale(scales.get(about.axis, scales["axis"]))
     for place, values in record["signals"].items():
-        about = _PLACES.get(place, Place("", "signal of the controller"))
-        data = samples(place, values, about.units, about.description)
+        data = samples(place, values, _PLACES.get(place, Place("", "signal of the controller")))
         data.dims[0].attach_scale(time)
         for i, size in enumerate(data.shape[1:], start=1):
             name = f"{place.replace('/', '_')}_component" + (f"_{i}" if i > 1 else "")
-            data.dims[i].attach_scale(axis(name, np.arange(size), "1", f"components of {place}"))
+            components = Place("1", f"components of {place}")
+            data.dims[i].attach_scale(axis(name, np.arange(size), components))
 
 
 def _write_urdf(file: h5py.File, place: str, content: bytes) -> None:
     """A file's bytes; readers of netCDF want a name for the axis, too."""
     values = np.frombuffer(content, dtype=np.uint8)
     options = {"compression": "gzip", "compression_opts": 9}
-    data = _dataset(file, place, values, "", "URDF file, byte by byte", **options)
+    data = _dataset(file, place, values, Place("", "URDF file, byte by byte"), **options)
     # allocated when it is written, which it never is
     byte = data.parent.create_dataset("byte", shape=values.shape, dtype=">f4")
     byte.make_scale(_DIMENSION_ONLY % len(values))
@@ -274,14 +282,14 @@ def _write_urdf(file: h5py.File, place: str, content: bytes) -> None:
 
 
 def _dataset(
-    file: h5py.File, place: str, values: Any, units: str, description: str, **options: Any
+    file: h5py.File, place: str, values: Any, about: Place, **options: Any
 ) -> h5py.Dataset:
     if np.asarray(values).dtype.kind in "biuf" and np.size(values):  # HDF5 has none of texts
         # a checksum a chunk: what is damaged is not read as if it were not
         options = {"chunks": np.shape(values), **options, "fletcher32": True}
     dataset = file.create_dataset(place, data=values, track_times=False, **options)
-    dataset.attrs["units"] = units
-    dataset.attrs["description"] = description
+    dataset.attrs["units"] = about.units
+    dataset.attrs["description"] = about.description
     return dataset
 
 

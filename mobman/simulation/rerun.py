@@ -22,7 +22,7 @@ from mobman.simulation import parts
 from mobman.simulation.metrics import list_metrics
 from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record, load_record
-from mobman.simulation.record_file import as_in_file, error_components, places_of
+from mobman.simulation.record_file import FIELDS, as_in_file, axes_of, places_of
 from mobman.simulation.run_spec import RunSpec
 from mobman.simulation.scenario import true_plant
 from mobman.simulation.simulate import seconds, simulate, whole_ticks
@@ -232,12 +232,10 @@ def _run(run: RunSpec, urdf: dict[str, bytes], own: Own, progress: Progress | No
     parts.require_same(robot, run, "robot")
     q0 = robot.checked_configuration(np.array(run.q0))
     with parts.refused("its task cannot be made", _GIVEN.format("task", "make_task")):
-        task = (
-            own.make_task(robot, q0, **run.task_given)
-            if own.make_task
-            else parts.task_of(run, robot, q0)
-        )
-        if own.make_task:
+        if own.make_task is None:
+            task = parts.task_of(run, robot, q0)
+        else:
+            task = own.make_task(robot, q0, **run.task_given)
             parts.require_same_task(task, run)
     plant = parts.plant_of(run, urdf, robot)
     setting = Setting(robot, run.dt, np.random.default_rng(run.seed))
@@ -260,11 +258,12 @@ def _changed_since(record: Record) -> str:
     except MobmanError:
         return ""  # it is not there, and not needed
     if sources.sha256() != record.urdf_sha256:
-        return f"the URDF {sources} is not the run's any more; the one in the record was used"
-    if now.model_dump(mode="json", by_alias=True) != described:
+        what = f"the URDF {sources}"
+    elif now.model_dump(mode="json", by_alias=True) != described:
         what = f"the description of the robot {name!r}"
-        return f"{what} is not the run's any more; the one in the record was used"
-    return ""
+    else:
+        return ""
+    return f"{what} is not the run's any more; the one in the record was used"
 
 
 # Comparing ---------------------------------------------------------------------------------------
@@ -366,13 +365,9 @@ def _pair(
 def _column(place: str, index: tuple[Any, ...], record: Record) -> str:
     if not index:
         return ""
-    names: dict[str, list[str]] = {
-        "joint": record.joint_names,
-        "velocity": record.velocity_names,
-        "axis": ["x", "y", "z"],
-        "error/component": error_components(record.task_error.shape[1]),
-    }
-    about = places_of(vars(record)).get(place)
-    if about is not None and about.axis in names:
-        return f", {names[about.axis][index[0]]}"
+    if place in FIELDS:
+        axes = axes_of(vars(record))
+        names = axes.get(FIELDS[place].axis, axes["axis"])
+        if isinstance(names, list):
+            return f", {names[index[0]]}"
     return f", component {', '.join(str(int(i)) for i in index)}"
