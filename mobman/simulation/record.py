@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import json
@@ -16,11 +17,11 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.display import Displayed, Shown
-from mobman.errors import MobmanError, RecordError
-from mobman.files import as_path
+from mobman.errors import MobmanError, RecordError, UsageError
+from mobman.files import as_path, write_whole
 from mobman.isolation import Crash, helper
 from mobman.provenance import machine
-from mobman.simulation.record_file import APPLIED, DICTIONARIES, OPTIONAL, file_content, write_file
+from mobman.simulation.record_file import APPLIED, DICTIONARIES, OPTIONAL, file_content
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,7 +128,10 @@ class Record(Displayed, RecordSummary):
 
     def __post_init__(self) -> None:
         if not self.state_sha256:
-            self.state_sha256 = state_sha256(self.t, self.q, self.z, self.torque)
+            digest = hashlib.sha256()
+            for values in (self.t, self.q, self.z, self.torque):
+                digest.update(np.ascontiguousarray(values, dtype="<f8").data)
+            self.state_sha256 = digest.hexdigest()
 
     def save(self, path: str | os.PathLike[str], *, every: int = 1, compression: int = 4) -> Path:
         """Write the record to an HDF5 file: whole, or not at all.
@@ -142,11 +146,20 @@ class Record(Displayed, RecordSummary):
 
         Raises:
             RecordError: If it cannot be written.
-            UsageError: If ``every`` or ``compression`` is no such number.
+            UsageError: If ``every`` or ``compression`` is no such number, or the path no file's name.
         """
         content = self.to_bytes(every=every, compression=compression)
         file = as_path("path", path)
-        write_file(file, content)
+        if not file.name:
+            raise UsageError(f"{str(file)!r} is not the name of a file")
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(file, content)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            if error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
+                reason += f" ({len(content) / 1e6:.3g} MB are needed)"
+            raise RecordError(f"cannot write the record {file}: {reason}") from error
         return file
 
     def to_bytes(self, *, every: int = 1, compression: int = 4) -> bytes:
@@ -278,14 +291,6 @@ class Record(Displayed, RecordSummary):
         names = ("robot", "task", "scenario", "controller", "seed", "status", "message", "created")
         facts = {name: getattr(self, name) for name in names}
         return Shown(line, {**facts, "samples": len(self.t), **self.metrics})
-
-
-def state_sha256(*samples: Array) -> str:
-    """Hash of samples as :attr:`Record.state_sha256` has it."""
-    digest = hashlib.sha256()
-    for values in samples:
-        digest.update(np.ascontiguousarray(values, dtype="<f8").data)
-    return digest.hexdigest()
 
 
 def load_record(path: str | os.PathLike[str]) -> Record:

@@ -5,19 +5,16 @@ Reading is in :mod:`mobman.simulation.record_reader`.
 
 from __future__ import annotations
 
-import errno
 import itertools
 import json
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
 
-from mobman.errors import RecordError, UsageError
-from mobman.files import write_whole
+from mobman.errors import UsageError
 
 SCHEMA_VERSION = 3
 EARLIER = (2,)
@@ -197,21 +194,6 @@ def _file_of(record: Mapping[str, Any], every: int, rows: Any, compression: int)
 def most_bytes(size: int) -> float:
     """Bytes of all samples that a file of a size (bytes) may have: no small file fills the memory."""
     return max(64e6, 50.0 * size)
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a record's file: whole, or not at all. RecordError if it cannot be written, UsageError if
-    the path is not the name of a file."""
-    if not path.name:
-        raise UsageError(f"{str(path)!r} is not the name of a file")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, content)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        if error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
-            reason += f" ({len(content) / 1e6:.3g} MB are needed)"
-        raise RecordError(f"cannot write the record {path}: {reason}") from error
 
 
 def as_in_file(content: dict[str, Any]) -> dict[str, Any]:

@@ -106,7 +106,8 @@ class _Reader:
         for key in ("versions_json", "machine_json"):
             texts = all(isinstance(value, str) for value in json.loads(found[key]).values())
             _require(texts, f"its attribute {key!r} has entries that are not text")
-        found |= {name: self._integer(name) for name in ("seed", "decimation")}
+        for name in ("seed", "decimation"):
+            found[name] = int(self._attribute(name, np.integer, "whole number"))
         every = found["decimation"]
         _require(every >= 1, f"its attribute 'decimation' is {every}; allowed: from 1")
         return {**found, "metrics": self._metrics()}
@@ -159,9 +160,6 @@ class _Reader:
         value = self._attributes[name]
         _require(isinstance(value, kind), f"its attribute {name!r} is no {what}")
         return value
-
-    def _integer(self, name: str) -> int:
-        return int(self._attribute(name, np.integer, "whole number"))
 
     def _text(self, name: str) -> str:
         text = _unicode(self._attribute(name, str, "text"), f"its attribute {name!r}")
