@@ -64,9 +64,9 @@ def describe_run(
     Controller, task and plant are as given to :func:`mobman.simulate`, each with what it became;
     ``numbers`` are ``duration``, ``dt`` and ``seed``.
     """
-    (law_given, law), (task_given, aim), (given, true) = controller, task, plant
-    law_name, gains, no_law = _law_of(law_given, law)
-    task_name, task_object, no_task = _task_of(task_given, aim)
+    (_, law), (_, aim), (given, true) = controller, task, plant
+    law_name, gains, no_law = _law_of(*controller)
+    task_name, task_object, no_task = _task_of(*task)
     others: dict[str, Any] = {}
     if isinstance(given, (str, os.PathLike)):
         others["plant"] = os.fspath(given)
@@ -242,14 +242,11 @@ def controller_of(run: RunSpec, own: Controller | type[Any] | None = None) -> Co
         return make_controller(run.law, **run.gains)
     if not isinstance(own, type):
         return own
-    made: Controller
-    if not hasattr(own, "Gains"):
-        made = own()
-    elif run.gains or not dataclasses.fields(own.Gains):
-        made = own(own.Gains(**run.gains))
-    else:
+    kind = getattr(own, "Gains", None)
+    if kind is not None and not run.gains and dataclasses.fields(kind):
         what = f"give a function that makes the {own.__name__} in place of the class"
         raise RecordError(f"the file does not have its gains; {what}")
+    made: Controller = own() if kind is None else own(kind(**run.gains))
     return made
 
 
