@@ -22,9 +22,9 @@ from mobman.model.platforms.body import Knuckle, WheeledBody, WheelPart, require
 from mobman.model.platforms.platform import WheeledFields, platforms
 from mobman.model.platforms.swerve import (
     Module,
+    Modules,
     ModuleWheel,
     Swerve,
-    height_of,
     located,
     modules_of,
 )
@@ -74,9 +74,7 @@ class MultiAxle(Swerve):
     virtual_joints = TRAVEL_JOINTS[1:]
     velocity_names = ("v", "kappa_dot")
 
-    def found(
-        self, site: Site, given: Any
-    ) -> tuple[complex, list[Module], list[ModuleWheel], float]:
+    def found(self, site: Site, given: Any) -> Modules:
         """See :meth:`Swerve.found`; the joints say which wheels are steered."""
         axes, places = located(site, *_names(given.body, site.origin))
         wheels, steering = joints_of(places), set(joints_of(axes))
@@ -90,12 +88,11 @@ class MultiAxle(Swerve):
                 f": the wheels {', '.join(fixed)}, which are not steered, are "
                 f"{np.round(ahead, 4).tolist()} m ahead; allowed: one axle (several slip when it turns)",
             )
-        why = (
-            "no wheel is fixed; say on which line across the platform the centre of rotation stays"
-        )
         axle = given.axle
         if axle is None:
-            axle = required(site.origin, "axle", float(np.mean(ahead)) if ahead else None, why)
+            why = "no wheel is fixed; say on which line across the platform the centre of rotation"
+            found = float(np.mean(ahead)) if ahead else None
+            axle = required(site.origin, "axle", found, f"{why} stays")
         elif ahead and abs(axle - np.mean(ahead)) > LENGTH_TOLERANCE:
             raise site.fault(
                 "axle",
@@ -120,7 +117,7 @@ class MultiAxle(Swerve):
             )
         driven = set(given.driven or wheels)
         rolling = [one._replace(driven=one.joint in driven) for one in rolling]
-        return middle, modules, rolling, height_of(places)
+        return Modules(middle, modules, rolling, places)
 
     @classmethod
     def parts(cls, given: Any, origin: str) -> Iterable[WheelPart | Knuckle]:

@@ -84,6 +84,15 @@ class ModuleWheel(NamedTuple):
     driven: bool = True
 
 
+class Modules(NamedTuple):
+    """The modules of a platform, from its reference point."""
+
+    middle: complex  # the reference point, from the root link's origin (m)
+    steered: list[Module]  # and behind them the places where nothing is steered
+    rolling: list[ModuleWheel]
+    places: list[JointPlace]  # of the wheels
+
+
 @platforms.register("swerve")
 class Swerve(Platform):
     r"""n modules that are steered, with w driven wheels: :math:`l = 5 + n + w`, :math:`k = 2 + n + w`.
@@ -106,7 +115,7 @@ class Swerve(Platform):
     velocity_names: tuple[str, ...] = ("v", "psi_dot", "kappa_dot")
 
     def __init__(self, site: Site, given: Any) -> None:
-        middle, modules, rolling, height = self.found(site, given)
+        middle, modules, rolling, places = self.found(site, given)
         self.radius = R = given.wheel_radius
         self.modules = tuple(one for one in modules if one.sign)
         self.following = tuple(one.joint for one in self.modules)
@@ -122,6 +131,7 @@ class Swerve(Platform):
             others = {**lever, j: -wheel.sign * R}
             rows.append(row(l, module.forward, module.position, steered, others))
         numbers = [(m.position.real, m.position.imag, m.sign) for m in self.modules]
+        height = float(np.mean([place.centre[2] for place in places]))
         own = [n, *np.ravel(numbers), *(wheel.driven for wheel in rolling)]
         super().__init__(
             (*self.following, *(wheel.joint for wheel in rolling)),
@@ -136,11 +146,8 @@ class Swerve(Platform):
             heading=given.heading,
         )
 
-    def found(
-        self, site: Site, given: Any
-    ) -> tuple[complex, list[Module], list[ModuleWheel], float]:
-        """The reference point (m), the steering joints and behind them the places where nothing is
-        steered, the wheels, and the height of their centres (m), from the root link's origin."""
+    def found(self, site: Site, given: Any) -> Modules:
+        """What a description says of the platform's modules."""
         own = _spots(given.body) if given.body is not None else {}
         axes, places = located(site, own, own)
         if len(axes) < 2:
@@ -148,7 +155,7 @@ class Swerve(Platform):
                 "steering", f" is {joints_of(axes)}; allowed: two or more different joints"
             )
         middle = complex(np.mean([place.at for place in axes]))
-        return middle, *modules_of(site, axes, places, middle), height_of(places)
+        return Modules(middle, *modules_of(site, axes, places, middle), places)
 
     @classmethod
     def parts(cls, given: Any, origin: str) -> Iterable[WheelPart | Knuckle]:
@@ -205,11 +212,6 @@ def located(
     if np.min(np.abs(rho[:, None] - rho + np.eye(len(rho)))) < LENGTH_TOLERANCE:
         raise site.fault("steering", ": two axes are at one place")
     return axes, places
-
-
-def height_of(wheels: Sequence[JointPlace]) -> float:
-    """Mean height of wheels' centres (m)."""
-    return float(np.mean([place.centre[2] for place in wheels]))
 
 
 def modules_of(
