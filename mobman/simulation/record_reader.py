@@ -7,7 +7,6 @@ links, external storage and virtual datasets are refused, and so is a size that 
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import RecordError
+from mobman.hdf5 import own_dataset, own_part
 from mobman.simulation import record_file as layout
 from mobman.simulation.record_file import (
     DICTIONARIES,
@@ -27,13 +27,10 @@ from mobman.simulation.record_file import (
     SCHEMA_VERSION,
 )
 
-_FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 _DEEPEST = 50  # levels of what is described
 _LONGEST = 20_000_000  # characters of a text
 _MOST_NAMES = 10_000  # of joints, metrics and signals
 _URDF_NAME = re.compile(r"(plant/)?[0-9]{1,4}/(?!\.{1,2}$)[^/\0]{1,255}")
-_LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
-_ITSELF = "a record holds its data itself"
 # samples that are finite in every run, and those that are in a run that went to its end
 _FINITE, _FINITE_IF_OK = {"q", "z"}, {"tip/position", "tip/desired", "error/task"}
 
@@ -122,7 +119,7 @@ class _Reader:
         rows = len(t)
         columns = {"joint": (len(joints),), "velocity": (len(velocities),), "": ()}
         fields: dict[str, Array] = {}
-        tip = self._open("tip")
+        tip = own_part(self._file, "tip")
         oriented = isinstance(tip, h5py.h5g.GroupID) and b"orientation" in tip
         for place, about in FIELDS.items():
             if place in ORIENTATION and not oriented:
@@ -191,7 +188,7 @@ class _Reader:
 
     def _metrics(self) -> dict[str, float]:
         """Metrics, read by HDF5's own functions, since indices of suites read many files."""
-        group = self._open("metrics")
+        group = own_part(self._file, "metrics")
         _require(isinstance(group, h5py.h5g.GroupID), "metrics is not a group")
         count = h5py.h5a.get_num_attrs(group)
         _require(count <= _MOST_NAMES, f"it has {count} metrics; allowed: {_MOST_NAMES}")
@@ -249,7 +246,7 @@ class _Reader:
 
     def _below(self, place: str, levels: int) -> Iterator[str]:
         """The datasets in a group and in those below it."""
-        group = self._open(place)
+        group = own_part(self._file, place)
         if isinstance(group, h5py.h5d.DatasetID):
             yield place
             return
@@ -258,43 +255,10 @@ class _Reader:
         for name in list(group):
             yield from self._below(f"{place}/{name.decode()}", levels - 1)
 
-    def _open(self, place: str) -> h5py.h5g.GroupID | h5py.h5d.DatasetID:
-        """A group or a dataset, reached by hard links alone."""
-        found: Any = h5py.h5g.open(self._file.id, b"/")
-        passed = ""
-        for part in place.split("/"):
-            passed, name = f"{passed}/{part}".lstrip("/"), part.encode()
-            there = isinstance(found, h5py.h5g.GroupID) and name in found
-            _require(there, f"{passed} is missing")
-            kind = found.links.get_info(name).type
-            if kind != h5py.h5l.TYPE_HARD:
-                target = _decoded(found.links.get_val(name))
-                link = _LINKS.get(kind, "a link")
-                raise ValueError(f"{passed} is {link} to {target}; {_ITSELF}")
-            found = h5py.h5o.open(found, name)
-        return found
-
     def _dataset(self, place: str) -> h5py.Dataset:
-        """A dataset that can be read without reading anything else, and without more memory than
-        what is left for this file."""
-        found = self._open(place)
-        _require(isinstance(found, h5py.h5d.DatasetID), f"{place} is not a dataset")
-        plan, dataset = found.get_create_plist(), h5py.Dataset(found)
-        if plan.get_external_count():
-            name = _decoded(plan.get_external(0)[0])
-            raise ValueError(f"the values of {place} are in another file, {name}; {_ITSELF}")
-        virtual = plan.get_layout() == h5py.h5d.VIRTUAL
-        _require(not virtual, f"{place} is a virtual dataset, a view of other files; {_ITSELF}")
-        for number in (plan.get_filter(index)[0] for index in range(plan.get_nfilters())):
-            _require(
-                number in _FILTERS,
-                f"{place} is stored by the filter {number}; allowed: gzip, shuffle, fletcher32",
-            )
-        _require(dataset.shape is not None, f"{place} is empty")
-        size = math.prod(dataset.shape) * dataset.dtype.itemsize
-        if plan.get_layout() == h5py.h5d.CHUNKED:
-            # a chunk is held whole, whatever the shape is
-            size = max(size, math.prod(plan.get_chunk()) * dataset.dtype.itemsize)
+        """A dataset that holds its data itself, and needs no more memory than what is left for this
+        file."""
+        dataset, size = own_dataset(self._file, place)
         _require(
             size <= self._left,
             f"{place} has shape {dataset.shape}, {size / 1e6:.3g} MB; allowed in a file of this "
@@ -317,8 +281,3 @@ def _unicode(text: str, where: str) -> str:
     except UnicodeEncodeError as error:
         raise ValueError(f"{where} is not valid UTF-8") from error
     return text
-
-
-def _decoded(name: Any) -> str:
-    parts = name if isinstance(name, tuple) else (name,)
-    return ":".join(repr(part.decode("utf-8", errors="replace")) for part in parts)

@@ -26,6 +26,7 @@ from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.metrics import Run
 from mobman.tasks.paths import place_of
+from mobman.tasks.singular import determinant_sign
 from mobman.tasks.task import Task, task_map_of
 
 _RESOLVED = 0.05  # rad or m a tick: a posture that changes faster has run away
@@ -103,13 +104,6 @@ class Jacobians:
         values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))
         return float(values[0]) if len(values) else math.inf
 
-    def sign(self) -> float:
-        """Sign of det J over that of a matrix of full rank with the same axes of f_a."""
-        J, extended = self.extended.J, self.extended
-        regular = np.vstack([J[: self.m], extended.complement @ extended.buffers.C])
-        both, _ = np.linalg.slogdet(np.stack([J, regular]))
-        return float(both[0] * both[1])
-
 
 # The verdict ------------------------------------------------------------------------------------------
 
@@ -152,7 +146,7 @@ def _along(jacobians: Jacobians, states: Array) -> tuple[dict[str, Array], Array
     for q in states:
         try:
             jacobians.extended.at(q, np.zeros(len(jacobians.extended.f)))
-            rows.append((*jacobians.sigmas(), jacobians.sign()))
+            rows.append((*jacobians.sigmas(), determinant_sign(jacobians.extended, jacobians.m)))
         except SingularityError:
             rows.append((0.0, 0.0, rows[-1][2] if rows else 1.0))
     tip, both, signs = np.array(rows).T
@@ -270,7 +264,7 @@ def predict_singularity(
     while not ended and t < duration:
         try:
             extended.at(q, rest)
-            here, q_dot = jacobians.sign(), rate(t, q)
+            here, q_dot = determinant_sign(jacobians.extended, jacobians.m), rate(t, q)
             fastest = float(np.abs(q_dot[posture]).max(initial=0.0))
             step = min(longest, 2.0 * step, _TURN / max(fastest, _TURN))
             sign = sign or here

@@ -21,6 +21,7 @@ import numpy as np
 from mobman.arrays import SIZES, beyond_sizes
 from mobman.errors import SpecError
 from mobman.files import read_input
+from mobman.hdf5 import own_dataset
 from mobman.isolation import Crash, helper
 
 POSITION, ORIENTATION = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
@@ -35,7 +36,6 @@ _SECONDS, _MEMORY = 20.0, 500.0  # of the process that reads HDF5 (s, MB)
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _SUFFIXES = (".h5", ".hdf5")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 
 Table = dict[str, list[float]]
 
@@ -155,52 +155,30 @@ def read_hdf5(path: str, what: str) -> list[Any]:
     """
     try:
         with h5py.File(path, "r") as file:
-            dataset = _dataset(file, what)
-            attribute = dataset.attrs.get("columns")
-            names = np.atleast_1d(attribute) if attribute is not None else np.array([])
-            if names.ndim != 1 or not all(isinstance(name, (str, bytes)) for name in names):
-                raise SpecError(f"{what}: attribute 'columns' of 'points' must be a list of names")
-            texts = [name if isinstance(name, str) else name.decode() for name in names]
-            if dataset.shape[1] != len(texts):
+            dataset, _ = own_dataset(file, "points")
+            shape, kind = dataset.shape, dataset.dtype
+            if len(shape) != 2 or shape[0] > MOST_POINTS or shape[1] > len(COLUMNS):
                 raise SpecError(
-                    f"{what}: 'points' has {dataset.shape[1]} columns, its attribute 'columns' "
-                    f"{len(texts)} names; needed: as many"
+                    f"points has shape {shape}; allowed: 2 to {MOST_POINTS} rows, {len(COLUMNS)} "
+                    "columns at most"
+                )
+            if kind.kind not in "fiu" or kind.itemsize > 8:
+                raise SpecError(f"points has entries of type {kind}; allowed: numbers")
+            names = np.atleast_1d(dataset.attrs.get("columns", []))
+            if names.ndim != 1 or not all(isinstance(name, (str, bytes)) for name in names):
+                raise SpecError("attribute 'columns' of points must be a list of names")
+            texts = [name if isinstance(name, str) else name.decode() for name in names]
+            if shape[1] != len(texts):
+                raise SpecError(
+                    f"points has {shape[1]} columns, its attribute 'columns' {len(texts)} names; "
+                    "needed: as many"
                 )
             return [texts, dataset[()].astype("<f8")]
+    except SpecError as error:
+        raise SpecError(f"{what}: {error}") from error
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-        if isinstance(error, SpecError):
-            raise
         text = " ".join(str(error).split())
         raise SpecError(f"{what} is not a readable HDF5 file: it is damaged ({text})") from error
-
-
-def _dataset(file: h5py.File, what: str) -> h5py.Dataset:
-    link = file.get("points", getlink=True)
-    if link is None:
-        raise SpecError(f"{what} has no dataset 'points'")
-    if not isinstance(link, h5py.HardLink):
-        raise SpecError(
-            f"{what}: 'points' is a link to {getattr(link, 'path', '')!r}; needed: the data itself"
-        )
-    found = file["points"]
-    if not isinstance(found, h5py.Dataset):
-        raise SpecError(f"{what}: 'points' is not a dataset")
-    plan = found.id.get_create_plist()
-    if plan.get_external_count() or plan.get_layout() == h5py.h5d.VIRTUAL:
-        raise SpecError(
-            f"{what}: the values of 'points' are in another file; needed: the data itself"
-        )
-    if any(plan.get_filter(index)[0] not in _FILTERS for index in range(plan.get_nfilters())):
-        raise SpecError(f"{what}: 'points' has a filter other than gzip, shuffle and fletcher32")
-    shape = found.shape
-    if shape is None or len(shape) != 2 or shape[0] > MOST_POINTS or shape[1] > len(COLUMNS):
-        raise SpecError(
-            f"{what}: 'points' has shape {shape}; allowed: 2 to {MOST_POINTS} rows, {len(COLUMNS)} "
-            "columns at most"
-        )
-    if found.dtype.kind not in "fiu" or found.dtype.itemsize > 8:
-        raise SpecError(f"{what}: 'points' has entries of type {found.dtype}; allowed: numbers")
-    return found
 
 
 # Both ----------------------------------------------------------------------------------------------

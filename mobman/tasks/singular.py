@@ -180,6 +180,14 @@ def least_singular_value(jacobian: Array) -> float:
     return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
 
+def determinant_sign(extended: ExtendedJacobian, m: int) -> float:
+    """The sign of det J over that of a matrix of full rank with the same axes of f_a: that of
+    det N (H + D) N^T. The task has m coordinates."""
+    regular = np.vstack([extended.J[:m], extended.complement @ extended.buffers.C])
+    both, _ = np.linalg.slogdet(np.stack([extended.J, regular]))
+    return float(both[0] * both[1])
+
+
 # The farthest point of an arm along a direction --------------------------------------------------------
 
 _STARTS = 6  # postures from which it is sought, in addition to the given one
@@ -417,7 +425,7 @@ class SolutionLine:
             if largest < _CLOSED:
                 break
         self._keep()
-        self._sign, self._first = self._orientation(), self.singular_value
+        self._sign, self._first = determinant_sign(self._extended, 3), self.singular_value
 
     def turned(self, direction: Array) -> SolutionLine:
         """Another one, that leaves this one here."""
@@ -470,7 +478,7 @@ class SolutionLine:
                 return False
         except (SingularityError, np.linalg.LinAlgError):
             return False
-        if self._orientation() != self._sign:
+        if determinant_sign(self._extended, 3) != self._sign:
             return False
         self.q = q
         return True
@@ -482,13 +490,6 @@ class SolutionLine:
         missing = np.concatenate([target - extended.f[:3], -extended.f[3:]])
         change: Array = extended.buffers.C @ np.linalg.solve(extended.J, missing)
         return change
-
-    def _orientation(self) -> float:
-        """The sign of det J, made independent of the axes of f_a: that of det N (H + D) N^T."""
-        J, now = self._extended.J, self._extended
-        regular = np.vstack([J[:3], now.complement @ now.buffers.C])
-        both, _ = np.linalg.slogdet(np.stack([J, regular]))
-        return float(both[0] * both[1])
 
     def _keep(self) -> None:
         """Keep what follows from J, which is that of a last, tiny correction of q ago."""

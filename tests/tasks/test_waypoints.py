@@ -263,13 +263,13 @@ def _nan(file, values):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (_link, "'points' is a link to '/points'; needed: the data itself"),
-        (_outside, "the values of 'points' are in another file; needed: the data itself"),
-        (_virtual, "the values of 'points' are in another file; needed: the data itself"),
-        (_wide, "'points' has shape (1000000000, 8); allowed: 2 to 1000 rows"),
-        (_texts, "'points' has entries of type |S1; allowed: numbers"),
+        (_link, "points is an external link to 'other.h5':'/points'; needed: the data itself"),
+        (_outside, "the values of points are in another file, '/etc/hostname'; needed: the data"),
+        (_virtual, "points is a virtual dataset, a view of other files; needed: the data itself"),
+        (_wide, "points has shape (1000000000, 8); allowed: 2 to 1000 rows"),
+        (_texts, "points has entries of type |S1; allowed: numbers"),
         (_nan, "row 0, column 't': found nan; allowed: 0, or of a size"),
-        (lambda file, values: None, "has no dataset 'points'"),
+        (lambda file, values: None, "points is missing"),
     ],
 )
 def test_hdf5_holds_its_points_itself(make, message, tmp_path, youbot):
