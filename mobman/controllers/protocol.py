@@ -217,8 +217,16 @@ class TaskSpaceLaw(Displayed):
         self.values["measured"] = self._measured
 
     def entry(self, function: Callable[..., Any], **own: Any) -> Entry:
-        """A kernel with its arguments, which are found by their names, first in ``own``."""
+        """A kernel with its arguments, which are found by their names, first in ``own``.
+
+        Raises:
+            UnknownNameError: If there is nothing of such a name.
+        """
         values = self.values | own
+        for name in _parameters(function):
+            if name not in values:
+                what = f"argument of the kernel {function.__name__!r}:"
+                raise UnknownNameError(what, name, {key for key in values if key[0] != "_"})
         return bind(function, *(values[name] for name in _parameters(function)))
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:

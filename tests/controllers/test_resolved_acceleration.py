@@ -8,9 +8,9 @@ from support.states import random_states
 from support.task_errors import errors_at
 
 import mobman as mm
-from mobman.controllers.baselines import computed_torque
+from mobman.controllers.baselines import ExtendedJacobianControl, computed_torque
 from mobman.controllers.task_errors import TaskSpace
-from mobman.errors import SingularityError
+from mobman.errors import SingularityError, UnknownNameError
 from mobman.model.criterion import Posture
 from mobman.simulation.plant import Plant
 
@@ -137,3 +137,15 @@ def test_damping_gives_an_acceleration_at_a_singularity(tmp_path):
     with pytest.raises(SingularityError):
         _acceleration(robot, "pseudo-inverse", q, z)
     assert np.isfinite(_acceleration(robot, "damped-least-squares", q, z)).all()
+
+
+def test_argument_that_nothing_has_the_name_of(youbot):
+    """A kernel finds its arguments by their names."""
+
+    def push(gravity, v):
+        """Never called."""
+
+    law = ExtendedJacobianControl(ExtendedJacobianControl.Gains())
+    law.kernels = (push,)
+    with pytest.raises(UnknownNameError, match=r"kernel 'push'.*'gravity'.*valid names: .*bias"):
+        law.reset(youbot, mm.make_task("circle", youbot), 1e-3)
