@@ -63,11 +63,9 @@ class ResolvedAcceleration(TaskSpaceLaw):
     A tick calls its ``kernels`` in order, once the task space and the nominal robot are evaluated:
     functions that return None, 0 or a :class:`Stop`, usually one that writes ``wanted``, one that makes
     ``z_dot`` of it, and one that makes ``v`` of that. Their arguments are found by their names among
-    those of :meth:`TaskSpaceLaw.begin`, what the law adds to them in :meth:`entries`, and
-
-    - ``wanted``, the value wanted of J z', shape (p,);
-    - ``z_dot``, the acceleration that is chosen, and the torque ``v``, shape (nz,) each;
-    - ``force``, shape (nz,), and ``work``, shape (nz, nz), to compute in.
+    those of :meth:`TaskSpaceLaw.begin`, what the law adds to them in :meth:`entries`, ``wanted``, the
+    value wanted of J z', shape (p,), ``z_dot``, the acceleration that is chosen, and the torque ``v``,
+    shape (nz,) each.
     """
 
     uses: tuple[str, ...] = ("M", "bias", "J'")
@@ -79,10 +77,9 @@ class ResolvedAcceleration(TaskSpaceLaw):
         self.criterion = self.gains.criterion(robot, task)
         self._settings = as_settings(self.gains) | {"K_F": self.criterion.weights.tolist()}
         self.begin(TaskSpace(robot, task, self.criterion if self.extended else None), dt)
-        now, nz = self._space.now, robot.nz
-        z_dot, self._v, force = np.zeros((3, nz))
+        now = self._space.now
+        z_dot, self._v = np.zeros((2, robot.nz))
         self.values |= {"wanted": np.zeros(self._space.p), "z_dot": z_dot, "v": self._v}
-        self.values |= {"force": force, "work": np.zeros((nz, nz))}
         bias = [now.run_effects, now.bias_terms] if "bias" in self.uses else []
         self._law = sequence(now.inertia, *bias, *self.entries(robot, task))
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -126,21 +126,6 @@ def cap(
                 x[i] *= largest[part] ** power / size
 
 
-class Hedge(NamedTuple):
-    """Work space of :func:`hedge`."""
-
-    inside: Vector
-    change: Vector
-    force: Vector
-    square: Matrix
-
-    @classmethod
-    def of(cls, nz: int) -> Hedge:
-        """Work space for a robot with nz motors."""
-        inside, change, force = np.zeros((3, nz))
-        return cls(inside, change, force, np.zeros((nz, nz)))
-
-
 @kernel
 def hedge(
     dt: float,
@@ -152,7 +137,10 @@ def hedge(
     z_dot: Vector,
     M: Matrix,
     B: Matrix,
-    work: Hedge,
+    inside: Vector,
+    change: Vector,
+    force: Vector,
+    work: Matrix,
 ) -> int:
     """Bring the torque v of a sliding law within the motors' limits, without wind-up of its integrals.
 
@@ -162,9 +150,9 @@ def hedge(
 
     ``limit`` is that of each |v|, inf where there is none; ``stage`` the kinematic one, ``held`` the
     other integrals, both advanced over the tick; J that of the coordinates in s; z and z' are measured.
+    The last four are work space.
     """
-    v, inside, change, force = held.v, work.inside, work.change, work.force
-    within = True
+    v, within = held.v, True
     for i in range(v.shape[0]):
         within = within and abs(v[i]) <= limit[i]
     if within:
@@ -172,7 +160,7 @@ def hedge(
     for i in range(v.shape[0]):
         change[i] = -_BRAKING * z[i] - z_dot[i]
     apply(M, change, force)
-    if solve(B, force, inside, work.square) != 0:
+    if solve(B, force, inside, work) != 0:
         return Stop.NO_INVERSE
     for i in range(v.shape[0]):
         inside[i] += v[i] - dt * held.v_dot[i]  # the torque under which z' was measured
@@ -182,9 +170,9 @@ def hedge(
     for i in range(v.shape[0]):
         change[i] += v[i]
     apply(B, change, force)
-    if cholesky(M, work.square) != 0:
+    if cholesky(M, work) != 0:
         return Stop.NOT_DEFINITE
-    cholesky_solve(work.square, force, change)
+    cholesky_solve(work, force, change)
     for i in range(v.shape[0]):
         held.v_ref[i] += change[i]
         held.integral_v_ref[i] += dt * change[i]
@@ -244,44 +232,32 @@ def automatic_metric_scale(delay_ticks: int | None, lightest: float) -> float:
     return min(1.0, _SHARE * largest_eigenvalue(borne) * lightest)
 
 
-class UnderWay(NamedTuple):
-    """Torques of the last ticks, and work space."""
-
-    v: Matrix
-    """v_{k-1}, v_{k-2}, ..., v_{k-1-d}, shape (d + 1, nz)."""
-    change: Vector
-    force: Vector
-    lower: Matrix
-
-    @classmethod
-    def of(cls, delay: int, nz: int) -> UnderWay:
-        """None yet."""
-        return cls(np.zeros((delay + 1, nz)), np.zeros(nz), np.zeros(nz), np.zeros((nz, nz)))
-
-
 @kernel
 def predict_acceleration(
-    under_way: UnderWay, v: Vector, M: Matrix, B: Matrix, z_dot: Vector
+    late: Matrix,
+    v: Vector,
+    M: Matrix,
+    B: Matrix,
+    z_dot: Vector,
+    change: Vector,
+    force: Vector,
+    work: Matrix,
 ) -> int:
     """z' + M^-1 B (v_{k-1} - v_{k-1-d}) in the place of z': once all torques under way have arrived.
 
-    Args:
-        under_way: The torques before; v joins them.
-        v: v_{k-1}, shape (nz,).
-        M, B: Nominal, shape (nz, nz).
-        z_dot: The measured z', shape (nz,).
+    ``v`` is v_{k-1}, which joins ``late``, v_{k-2}, v_{k-3}, ..., shape (d + 1, nz); M, B are nominal,
+    z' is measured; the last three are work space.
     """
-    torques, change, lower = under_way.v, under_way.change, under_way.lower
-    last = torques.shape[0] - 1
+    last = late.shape[0] - 1
     for i in range(v.shape[0]):
-        for late in range(last, 0, -1):
-            torques[late, i] = torques[late - 1, i]
-        torques[0, i] = v[i]
-        change[i] = v[i] - torques[last, i]
-    apply(B, change, under_way.force)
-    if cholesky(M, lower) != 0:
+        for k in range(last, 0, -1):
+            late[k, i] = late[k - 1, i]
+        late[0, i] = v[i]
+        change[i] = v[i] - late[last, i]
+    apply(B, change, force)
+    if cholesky(M, work) != 0:
         return Stop.NOT_DEFINITE
-    cholesky_solve(lower, under_way.force, change)
+    cholesky_solve(work, force, change)
     for i in range(v.shape[0]):
         z_dot[i] += change[i]
     return 0

@@ -15,7 +15,7 @@ singularities do not exist; F reaches its constrained minimum by descent, not by
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -81,28 +81,11 @@ class NullSpaceSlidingMode(TerminalSlidingMode):
     def _reference(self, robot: MobileManipulator, task: Task) -> list[Entry]:
         now, p, nq, nz = self._space.now, self._space.p, robot.nq, robot.nz
         g, H, H_rate = np.zeros(nq), np.zeros((nq, nq)), np.zeros((nq, nq))
-        work = (np.zeros((p, nz)), np.zeros((p, p)), np.zeros(nz), np.zeros(p))
-        descent = Descent(base_metric(robot), now.C, g, *work)
+        gradient = criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate)
+        self.values |= {"omega": base_metric(robot), "g": g, "y": np.zeros(nz), "seen": np.zeros(p)}
+        self.values |= {"J_omega": np.zeros((p, nz)), "lower": np.zeros((p, p))}
         k_0 = self.values["k_0"] * unit_stiffness(robot, self.criterion)
-        return [
-            criterion_entry(self.criterion, now.q, now.q_dot, g, H, H_rate),
-            self.entry(null_space_stage, descent=descent, k_0=k_0),
-        ]
-
-
-class Descent(NamedTuple):
-    """Metric and criterion of the null space's motion, and work space."""
-
-    omega: Vector
-    """Diagonal of Omega, shape (nz,)."""
-    C: Matrix
-    g: Vector
-    """dF/dq, shape (nq,)."""
-    J_omega: Matrix
-    """j_e Omega, shape (m, nz)."""
-    lower: Matrix
-    y: Vector
-    seen: Vector
+        return [gradient, self.entry(null_space_stage, k_0=k_0)]
 
 
 @kernel
@@ -112,14 +95,20 @@ def null_space_stage(
     held: Held,
     at: Tracking,
     q_rest: Vector,
-    descent: Descent,
-    kappa: Positive,
+    omega: Vector,
+    C: Matrix,
+    g: Vector,
+    kappa: float,
     k_v: float,
     k_0: float,
+    J_omega: Matrix,
+    lower: Matrix,
+    y: Vector,
+    seen: Vector,
 ) -> int:
-    """v_ref' = Omega j_e^T u_ref, with u_ref of (44), plus what the tip does not see of y."""
-    omega, J_omega, lower = descent.omega, descent.J_omega, descent.lower
-    k, J, y, seen = gains[0], at.J, descent.y, descent.seen
+    """v_ref' = Omega j_e^T u_ref, with u_ref of (44), plus what the tip does not see of y; ``omega`` is
+    the diagonal of Omega, g is dF/dq, the last four are work space."""
+    k, J = gains[0], at.J
     p, nz = J.shape
     gain = kinematic_gain(gains, stage, held, at, q_rest)
     trace = 0.0
@@ -140,7 +129,7 @@ def null_space_stage(
     apply_transpose(J_omega, stage.n, held.v_ref_dot)
     # y = -kappa (v_ref - a_N), at the tick's end: stable for every kappa dt
     rate = kappa / (1.0 + kappa * k.dt)
-    apply_transpose(descent.C, descent.g, y)
+    apply_transpose(C, g, y)
     for j in range(nz):
         y[j] = -rate * (held.v_ref[j] + k_v * at.z[j] + k_0 * omega[j] * y[j])
     # (I - Omega j_e^T (j_e Omega j_e^T)^-1 j_e) y

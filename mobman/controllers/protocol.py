@@ -207,14 +207,19 @@ class TaskSpaceLaw(Displayed):
     def begin(self, space: TaskSpace, dt: float) -> None:
         """Keep a task space, and what there is at a tick as ``values``: the gains that are numbers,
         ``dt``, ``at`` and ``J`` of the space, what its :class:`mobman.model.dynamics.Buffers` has
-        (``M``, ``bias``, ``B``, ``C``, ``z``, ...), and the z' that is given, ``measured``, shape (nz,).
-        """
-        self._space, self._measured = space, np.zeros(len(space.now.z))
+        (``M``, ``bias``, ``B``, ``C``, ``z``, ...), the z' that is given, ``measured``, shape (nz,), and
+        ``force`` and ``work``, shapes (nz,) and (nz, nz), to compute in."""
+        nz = len(space.now.z)
+        self._space, self._measured = space, np.zeros(nz)
         gains: dict[str, Any] = vars(self.gains)
         known = {k: x for k, x in gains.items() if isinstance(x, Real | np.ndarray)}
         numbers = {k: float(x) for k, x in known.items() if getattr(x, "ndim", 0) == 0}
         self.values = {**numbers, **vars(space.now), "at": space.tracking, "J": space.J, "dt": dt}
-        self.values["measured"] = self._measured
+        self.values |= {
+            "force": np.zeros(nz),
+            "work": np.zeros((nz, nz)),
+            "measured": self._measured,
+        }
 
     def entry(self, function: Callable[..., Any], **own: Any) -> Entry:
         """A kernel with its arguments, which are found by their names, first in ``own``.

@@ -41,10 +41,8 @@ from mobman.controllers.gains import (
 )
 from mobman.controllers.motors import (
     Cap,
-    Hedge,
     LimitedMotors,
     TorqueLimits,
-    UnderWay,
     automatic_metric_scale,
     cap,
     caps_of,
@@ -436,15 +434,16 @@ class TerminalSlidingMode(LimitedMotors, TaskSpaceLaw):
         self.values |= {"kinematic": kinematic, "dynamic": dynamic, "stage": kinematic}
         self.values |= {"z_dot": self._measured, "v": held.v, "q_rest": robot.q_rest}
         entries = [now.inertia, *self._reference(robot, task)]
+        inside, change = np.zeros((2, nz))
         if gains.delay_ticks:
-            under_way = UnderWay.of(gains.delay_ticks, nz)
-            entries.append(self.entry(predict_acceleration, under_way=under_way))
+            late = np.zeros((gains.delay_ticks + 1, nz))
+            entries.append(self.entry(predict_acceleration, late=late, change=change))
         entries += [self.entry(dynamic_stage, stage=dynamic), self.entry(integrate)]
         if gains.saturation == "hedge":
             limits = self.torque_limits(robot, gains.torque_limits)
             self._settings["torque_limits"] = plain_limits(limits)
             if np.isfinite(limits).any():
-                entries.append(self.entry(hedge, limit=limits, work=Hedge.of(nz)))
+                entries.append(self.entry(hedge, limit=limits, inside=inside, change=change))
         self._law = sequence(*entries)
 
     def reference(self) -> tuple[Array, Array]:

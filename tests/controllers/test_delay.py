@@ -9,7 +9,6 @@ from support.settings import true_robot
 
 import mobman as mm
 from mobman.controllers.motors import (
-    UnderWay,
     automatic_metric_scale,
     largest_eigenvalue,
     predict_acceleration,
@@ -74,11 +73,11 @@ def test_prediction_adds_what_is_under_way():
     root = random.normal(size=(3, 3))
     M, B = root @ root.T + np.eye(3), random.normal(size=(3, 3))
     torques, bias = random.normal(size=(9, 3)), random.normal(size=3)
-    under_way = UnderWay.of(2, 3)
+    late, (change, force), work = np.zeros((3, 3)), np.zeros((2, 3)), np.zeros((3, 3))
     for k, v in enumerate(torques):
         acting = torques[k - 2] if k >= 2 else np.zeros(3)
         z_dot = np.linalg.solve(M, B @ acting - bias)
-        assert predict_acceleration(under_way, v, M, B, z_dot) == 0
+        assert predict_acceleration(late, v, M, B, z_dot, change, force, work) == 0
         assert np.allclose(z_dot, np.linalg.solve(M, B @ v - bias))
 
 
