@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Iterable
 from copy import copy
@@ -371,23 +370,19 @@ def nearest_degeneracy(
     for direction in directions:
         extended.complement[:] = axes
         lines.append(SolutionLine(extended, robot, q0.copy(), direction, scale))
-    turned_from = len(lines)  # lines from this number on are those that turn off
-    fronts = [(0.0, i) for i in range(len(lines))]
-    next_turn = _BETWEEN_TURNS * scale
-    while fronts:
-        length, i = heapq.heappop(fronts)
-        line = lines[i]
+    first, next_turn = lines[0], _BETWEEN_TURNS * scale
+    while lines:
+        line = min(lines, key=lambda one: one.length)
         if line.is_algorithmic:
             return line
-        if line.ended or length >= farthest or (i >= turned_from and line.distance >= scale):
+        done = line.length >= farthest or (line.has_turned and line.distance >= scale)
+        if line.ended or done:
+            lines.remove(line)
             continue
         line.advance()
-        heapq.heappush(fronts, (line.length, i))
-        if i == 0 and not line.ended and line.length >= next_turn:
+        if line is first and not line.ended and line.length >= next_turn:
             next_turn += _BETWEEN_TURNS * scale
-            for direction in turns:
-                lines.append(line.turned(direction))
-                heapq.heappush(fronts, (line.length, len(lines) - 1))
+            lines += [line.turned(direction) for direction in turns]
     return None
 
 
@@ -434,6 +429,11 @@ class SolutionLine:
         other.direction, other.distance = direction, 0.0
         other._step = _LARGEST_STEP * self._scale
         return other
+
+    @property
+    def has_turned(self) -> bool:
+        """True if it has left another one."""
+        return len(self._turns) > 1
 
     @property
     def length(self) -> float:
