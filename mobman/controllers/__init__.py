@@ -1,1 +1,1 @@
-"""Control laws: the protocol, the pieces they share, and one law a file in ``laws``."""
+"""Control laws: their interface, what they share, and a family of laws a file."""

@@ -58,16 +58,15 @@ def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Ar
     random = np.random.default_rng(SEED)
     horizon = getattr(task, "duration", None) or getattr(task, "period", None) or _HORIZON
     lower, upper = _near_rest(robot)
-    heading = robot.joint_names.index("base_theta") if "base_theta" in robot.joint_names else None
-    position = [robot.joint_names.index(n) for n in ("base_x", "base_y") if n in robot.joint_names]
+    heading = np.flatnonzero(np.isin(robot.joint_names, "base_theta"))
+    position = np.flatnonzero(np.isin(robot.joint_names, ("base_x", "base_y")))
     states = []
     for _ in range(_SAMPLES):
         t = random.uniform(0.0, horizon)
         q = robot.q_rest.copy()
         q[robot.arm_index] = random.uniform(lower, upper)[robot.arm_index]
         q = robot.consistent(q)
-        if heading is not None:
-            q[heading] = random.uniform(-math.pi, math.pi)
+        q[heading] = random.uniform(-math.pi, math.pi, len(heading))
         if len(position) == 2:
             desired = np.asarray(task.desired(t)[0], dtype=float)
             tip = np.asarray(robot.tip_pose(q).translation)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 
 from mobman.arrays import SIZES, Array, beyond_sizes
-from mobman.errors import GainError, MobmanError, UnknownNameError
+from mobman.errors import GainError, MobmanError
 from mobman.model.criterion import Posture, Sum, Term, criteria
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.tasks.task import Task
@@ -192,10 +192,8 @@ def terms(name: str, given: Sequence[Mapping[str, Any]]) -> list[Term]:
             )
         try:
             found.append(validate(criteria.get(kind), fields, origin))
-        except UnknownNameError as error:
-            raise GainError(f"{origin}: {error}") from error
         except MobmanError as error:
-            raise GainError(str(error)) from error
+            raise GainError(f"{origin}: {str(error).removeprefix(f'{origin}: ')}") from error
     return found
 
 
