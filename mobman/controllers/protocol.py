@@ -215,11 +215,8 @@ class TaskSpaceLaw(Displayed):
         known = {k: x for k, x in gains.items() if isinstance(x, Real | np.ndarray)}
         numbers = {k: float(x) for k, x in known.items() if getattr(x, "ndim", 0) == 0}
         self.values = {**numbers, **vars(space.now), "at": space.tracking, "J": space.J, "dt": dt}
-        self.values |= {
-            "force": np.zeros(nz),
-            "work": np.zeros((nz, nz)),
-            "measured": self._measured,
-        }
+        own = {"measured": self._measured, "force": np.zeros(nz), "work": np.zeros((nz, nz))}
+        self.values |= own
 
     def entry(self, function: Callable[..., Any], **own: Any) -> Entry:
         """A kernel with its arguments, which are found by their names, first in ``own``.
