@@ -1,7 +1,7 @@
 """Worker processes of this machine: one that dies, hangs or is stopped costs its own work only.
 
-Each has a pipe of its own: those that share one with its lock, as in the pools of libraries, all wait
-when one is killed while it holds the lock.
+Each thread of a pool has a process of its own (a pebble pool of one worker): workers that share a pipe
+and its lock, as those of one larger pool do, all wait when one is killed while it holds the lock.
 """
 
 from __future__ import annotations
@@ -9,22 +9,23 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import pickle
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
 from multiprocessing import forkserver, resource_tracker
-from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from typing import Any
+
+from pebble import ProcessExpired, ProcessPool
 
 from mobman.errors import MobmanError
 
 _TRIES = 3  # to start a process
 _START = 300.0  # s, for a process to start; the first on a machine compiles
 _BEGIN = 30.0  # s, for a process that has started to begin with its next work
-_END = 2.0  # s, from the end of a process's pipe to its exit status
+_LOOK = 0.25  # s, from one look at a process to the next
 _LEAST_MEMORY = 4 << 30  # bytes of each worker, however many there are: a run takes some 0.5 GB
 _SHARE = 4  # the workers together may have a quarter of the machine's memory, if that is more
 _THREADS = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "VECLIB_MAXIMUM", "NUMEXPR_NUM")
@@ -32,10 +33,6 @@ _NO_START = (
     "a worker process could not start; in a script, what starts a suite must be under: "
     "if __name__ == '__main__'"
 )
-_LOST = 255  # exit status, as multiprocessing has it, of a process whose fork server was killed
-_lock = threading.Lock()
-"""Held where a process starts, since the environment is all threads', and where an exit status is read,
-which works once."""
 
 
 class WorkerLostError(Exception):
@@ -54,18 +51,14 @@ class Workers(ThreadPoolExecutor):
     """
 
     def __init__(self, count: int, time_limit: float) -> None:
+        _require_start()
         super().__init__(count, thread_name_prefix="mobman-worker")
         self._limit = time_limit
         self._memory = max(_memory() // (_SHARE * count), _LEAST_MEMORY)
+        self._thread = threading.local()
+        self._pools: set[ProcessPool] = set()
+        self._pools_lock = threading.Lock()
         self._killed = False
-        self._workers: list[_Worker] = []
-        try:
-            self._idle = [self._start()]
-        except (OSError, EOFError, WorkerLostError) as error:
-            raise MobmanError(_NO_START) from error
-        except BaseException:  # such as Ctrl-C meanwhile
-            self.shutdown(wait=False)
-            raise
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> Future[Any]:  # type: ignore[override]
         """Call a function in a process.
@@ -74,107 +67,103 @@ class Workers(ThreadPoolExecutor):
             The future of its result; it has a :class:`WorkerLostError` if the process ended, a
             :class:`TimeoutError` at the time limit, a :class:`BrokenExecutor` if no process starts.
         """
-        return super().submit(self._call, pickle.dumps((function, args)))
+        return super().submit(self._call, function, args)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes: when what was submitted is done or, without waiting, now."""
-        with _lock:
-            self._killed = not wait
+        """End the processes when what was submitted is done."""
         super().shutdown(wait, cancel_futures=cancel_futures)
-        for worker in self._workers:
-            worker.end()
+        for pool in list(self._pools):
+            self._end(pool)
 
-    def _call(self, work: bytes) -> Any:
+    def kill(self) -> None:
+        """End the processes now."""
+        self._killed = True
+        super().shutdown(wait=False, cancel_futures=True)
+        for pool in list(self._pools):
+            self._end(pool)
+
+    def _call(self, function: Callable[..., Any], args: tuple[Any, ...]) -> Any:
         for _ in range(_TRIES):
             try:
-                worker = self._idle.pop() if self._idle else self._start()
-                worker.begin(work)
-            except (OSError, EOFError, IndexError, WorkerLostError):
-                continue  # nothing was begun
-            fine, result = worker.receive(self._limit)
-            self._idle.append(worker)
-            if not fine:
-                raise result
-            return result
+                pool: ProcessPool | None = getattr(self._thread, "pool", None)
+                if pool is None or not pool.active:
+                    pool = self._start()
+                future = pool.schedule(function, args, timeout=self._limit)
+                return self._wait(future)
+            except (BrokenExecutor, RuntimeError) as error:  # it had not begun
+                self._end_own()
+                if self._killed or not isinstance(error, BrokenExecutor | _NotBegunError):
+                    raise
+            except (ProcessExpired, WorkerLostError, TimeoutError) as error:
+                self._end_own()
+                if isinstance(error, ProcessExpired):
+                    raise WorkerLostError(_how(error.exitcode)) from error
+                raise
         raise BrokenExecutor(_NO_START)
 
-    def _start(self) -> _Worker:
-        with _lock, one_thread_for_children(), _without_interrupts():
+    def _start(self) -> ProcessPool:
+        pool = ProcessPool(1, initializer=_begin, initargs=(self._memory,), context=_context())
+        with self._pools_lock:
             if self._killed:
                 raise CancelledError
-            worker = _Worker(self._memory)
-            self._workers.append(worker)
-        worker.receive(_START)
-        return worker
+            self._pools.add(pool)
+        self._thread.pool = pool
+        with one_thread_for_children(), _without_interrupts():
+            self._thread.pid = pool.schedule(os.getpid).result(timeout=_START)
+        return pool
 
-
-class _Worker:
-    """A process that does one piece of work at a time, and may take so much memory (bytes)."""
-
-    def __init__(self, memory: int) -> None:
-        context: Any = _context()
-        self._pipe, other = context.Pipe()
-        with other:
-            self._process = context.Process(target=_serve, args=(other, memory))
-            self._process.start()
-
-    def begin(self, work: bytes) -> None:
-        """Give a pickled function with its arguments; what it returns, or raises, is received next."""
-        self._pipe.send_bytes(work)
-        self.receive(_BEGIN)
-
-    def receive(self, seconds: float) -> Any:
-        """Wait for what the process says next; one that says nothing for so long is ended.
-
-        Raises:
-            TimeoutError: If it said nothing.
-            WorkerLostError: If it ended before.
-        """
-        ready = wait([self._pipe, self._process.sentinel], seconds)
-        if not ready:
-            self.end()
-            raise TimeoutError
-        with contextlib.suppress(EOFError, OSError):
-            if self._pipe in ready or self._pipe.poll():  # what it sent last is still read
-                return self._pipe.recv()
-        with _lock:
-            self._process.join(_END)
-        raise WorkerLostError(_how(self.end()))
-
-    def end(self) -> int | None:
-        """End the process; return the exit status that it had already, if any."""
-        with _lock:
-            status: int | None = self._process.exitcode
-        if status is None or status == _LOST:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._process.pid, signal.SIGKILL)
-        return status
-
-
-def _serve(pipe: Connection, memory: int) -> None:
-    """Do the work that comes through a pipe, once that is said to be ready; work that begins is said,
-    too."""
-    _begin(memory)
-    pipe.send(None)
-    with contextlib.suppress(EOFError, OSError):  # the parent is gone
+    def _wait(self, future: Future[Any]) -> Any:
+        """The result, unless the process is gone, or was stopped before it began."""
+        started = time.monotonic()
         while True:
-            work = pipe.recv_bytes()
-            pipe.send(None)
-            reply: tuple[bool, Any]
-            try:
-                function, args = pickle.loads(work)
-                reply = True, function(*args)
-            except BaseException as error:
-                reply = False, error
-            try:
-                pipe.send(reply)
-            except (pickle.PicklingError, TypeError, AttributeError, MemoryError) as error:
-                pipe.send((False, RuntimeError(f"its result cannot be sent: {error}")))
+            with contextlib.suppress(TimeoutError):
+                return future.result(timeout=_LOOK)
+            if future.done():
+                return future.result()
+            if not future.running() and time.monotonic() - started > _BEGIN:
+                raise _NotBegunError
+            if not _exists(self._thread.pid):
+                with contextlib.suppress(TimeoutError):  # what it sent last is still read
+                    return future.result(timeout=4 * _LOOK)
+                raise WorkerLostError(_how(0))
+
+    def _end_own(self) -> None:
+        """End this thread's process."""
+        pool, self._thread.pool = getattr(self._thread, "pool", None), None
+        if pool is not None:
+            self._end(pool)
+
+    def _end(self, pool: ProcessPool) -> None:
+        with self._pools_lock:
+            self._pools.discard(pool)
+        pool.stop()  # type: ignore[no-untyped-call]  # pebble does not annotate it
+        # joining waits for a process that is stopped to be killed, some seconds
+        threading.Thread(target=_join, args=(pool,), daemon=True).start()
 
 
-def _how(status: int | None) -> str:
-    """Say how a process ended."""
-    if status is None or status == _LOST:
+def _require_start() -> None:
+    """Start and end a process: a pool would start others for ever where each of them fails, since it
+    runs the script that started this one."""
+    context: Any = _context()
+    with one_thread_for_children(), _without_interrupts():
+        probe = context.Process(target=os.getpid)
+        probe.start()
+    probe.join(_START)
+    if probe.exitcode:  # None of one that takes long, as where all is compiled first
+        raise MobmanError(_NO_START)
+
+
+class _NotBegunError(RuntimeError):
+    """A process did not take its work: it was stopped."""
+
+
+def _join(pool: ProcessPool) -> None:
+    with contextlib.suppress(Exception):
+        pool.join()
+
+
+def _how(status: int) -> str:
+    if status == 255:  # also what multiprocessing says where the fork server was killed
         return "its worker process was lost"
     if status >= 0:
         return f"its worker process ended with exit status {status}"
@@ -184,6 +173,14 @@ def _how(status: int | None) -> str:
         name = f"signal {-status}"
     hint = " (out of memory?)" if name == "SIGKILL" else ""
     return f"its worker process was ended by {name}{hint}"
+
+
+def _exists(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)
+    return True
 
 
 def _memory() -> int:
@@ -197,7 +194,6 @@ def _memory() -> int:
 def _begin(memory: int) -> None:
     """Prepare a worker process, which may take so much memory in addition to what it has (bytes)."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     preload()
     with contextlib.suppress(ImportError, ValueError, OSError):  # not every system has this limit

@@ -148,4 +148,6 @@ class Forks(_Law):
 
     def act(self):
         if child := os.fork():
-            Path(self.gains.mark).write_text(str(child))
+            mark = Path(self.gains.mark)  # replaced whole: the test may read it meanwhile
+            mark.with_suffix(".new").write_text(str(child))
+            mark.with_suffix(".new").replace(mark)
