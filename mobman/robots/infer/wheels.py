@@ -81,6 +81,12 @@ class Rolling:
         """+1 where its names say one thing, -1 the other, 0 neither or both."""
         return says_which(one, other, self.name, self.joint.child)
 
+    def beside(self, other: Rolling) -> bool:
+        """True if both are on one axle."""
+        apart = other.centre - self.centre
+        off = max(abs(float(apart[:2] @ self.ahead)), abs(float(apart[2])))
+        return self.parallel(other) and off < SAME_PLACE
+
     def parallel(self, other: Rolling) -> bool:
         """True if two axes have one direction."""
         return abs(float(self.across @ other.across)) > _PARALLEL
@@ -112,14 +118,10 @@ def rolling_wheels(tree: Tree) -> tuple[list[Rolling], list[Rolling]]:
 def pairs_of(wheels: Sequence[Rolling]) -> list[tuple[Rolling, Rolling]]:
     """Wheels on one axle, two and two: (one, the other towards the axis), in the file's order; of
     several on one axle the outermost pair."""
-    pairs: list[tuple[Rolling, Rolling]] = []
-    rest = list(wheels)
+    pairs, rest = list[tuple[Rolling, Rolling]](), list(wheels)
     while rest:
-        first, axle = rest[0], []
-        for wheel in rest:
-            apart = wheel.centre - first.centre
-            off = max(abs(float(apart[:2] @ first.ahead)), abs(float(apart[2])))
-            axle += [wheel] if first.parallel(wheel) and off < SAME_PLACE else []
+        first = rest[0]
+        axle = [wheel for wheel in rest if first.beside(wheel)]
         rest = [wheel for wheel in rest if wheel not in axle]
         axle.sort(key=lambda wheel: float(wheel.centre[:2] @ first.across))
         pairs += [(axle[0], axle[-1])] if len(axle) >= 2 else []

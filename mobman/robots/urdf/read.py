@@ -165,7 +165,13 @@ def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
         path = _resolved(folder / source.path, f"{field}.path'")
         packages += path.parents
     else:
-        share = _share_folder(field, source.package)
+        shares = share_folders()
+        share = next((one for one in shares if (one / source.package).is_dir()), None)
+        if share is None:
+            raise SpecError(
+                f"{field}.package': {source.package} is not installed (looked in "
+                f"{', '.join(map(str, shares))}); install it with: pip install {source.package}"
+            )
         path = _resolved(share / source.package / "robots" / source.path, f"{field}.path'")
         if not path.is_relative_to((share / source.package).resolve()):
             raise SpecError(f"{field}.path': {source.path!r} leads outside {source.package}")
@@ -203,17 +209,6 @@ def share_folders() -> list[Path]:
         Path(pinocchio.__file__).parents[4],
     )
     return list(dict.fromkeys(prefix / "share" for prefix in prefixes))
-
-
-def _share_folder(field: str, package: str) -> Path:
-    candidates = share_folders()
-    for share in candidates:
-        if (share / package).is_dir():
-            return share
-    raise SpecError(
-        f"{field}.package': {package} is not installed (looked in "
-        f"{', '.join(map(str, candidates))}); install it with: pip install {package}"
-    )
 
 
 def macros(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
