@@ -190,25 +190,22 @@ def _first(candidates: Sequence[Path]) -> Path | None:
 def _near(candidates: Sequence[Path]) -> str:
     """The end of a message about files that are not there: one whose name differs in case or format."""
     for wanted in candidates:
-        start, missing = wanted.parent, [wanted.name]
-        while not _is_there(start, folder=True) and start != start.parent:
-            missing.insert(0, start.name)
-            start = start.parent
-        if missing[0] in ("", "..") or len(missing) > _DEEP:
+        start = next((up for up in wanted.parents if _is_there(up, folder=True)), wanted)
+        missing = wanted.relative_to(start).parts
+        if not missing or missing[0] == ".." or len(missing) > _DEEP:
             continue
-        place, stem = start, wanted.stem.lower()
+        place = start
         for name in missing:
-            try:
-                names = sorted(entry.name for entry in islice(os.scandir(place), _LOOKED_AT))
-            except OSError:
-                break
-            alike = [one for one in names if one.lower() == name.lower()]
+            found: list[Path] = []
+            with suppress(OSError):
+                found = sorted(Path(one.path) for one in islice(os.scandir(place), _LOOKED_AT))
+            alike = [one for one in found if one.name.lower() == name.lower()]
             if not alike and name == wanted.name:
-                paths = [Path(one) for one in names if Path(one).suffix.lower() in FORMATS]
-                alike = [one.name for one in paths if one.stem.lower() == stem]
+                meshes = (one for one in found if one.suffix.lower() in FORMATS)
+                alike = [one for one in meshes if one.stem.lower() == wanted.stem.lower()]
             if not alike:
                 break
-            place = place / alike[0]
+            place = alike[0]
         else:
             return f"; there is {place.relative_to(start)}"
     return ""
