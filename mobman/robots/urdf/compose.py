@@ -101,12 +101,8 @@ def _tidy_joint(joint: ET.Element) -> None:
     limit, dynamics, axis = joint.find("limit"), joint.find("dynamics"), joint.find("axis")
     if limit is not None:
         limit.attrib.update(_UNKNOWN | limit.attrib)
-        given = {
-            key: limit_of(key, limit.get(key, ""))
-            for key in NUMBERS["limit"]
-            if key in limit.attrib
-        }
-        infinite = {key for key, value in given.items() if value is not None and math.isinf(value)}
+        given = {key: limit_of(key, limit.get(key, "")) or 0.0 for key in NUMBERS["limit"]}
+        infinite = {key for key, value in given.items() if math.isinf(value)}
         limit.attrib.update({key: {**_UNKNOWN, **_UNBOUNDED}[key] for key in infinite})
         if kind == "revolute" and infinite >= _UNBOUNDED.keys():
             kind = "continuous"

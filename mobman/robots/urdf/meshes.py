@@ -221,16 +221,15 @@ def _is_there(path: Path, *, folder: bool = False) -> bool:
 
 def _ros_folders() -> list[Path]:
     """The folders that the environment of ROS 1 and ROS 2 names."""
-    named: dict[str, list[Path]] = {}
-    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
-        given = os.environ.get(variable, "").split(os.pathsep)
-        named[variable] = [Path(folder).absolute() for folder in given if folder]
+    ros, ament = (
+        [Path(one).absolute() for one in os.environ.get(variable, "").split(os.pathsep) if one]
+        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    )
     folders = []
-    for folder in named["ROS_PACKAGE_PATH"]:
+    for folder in ros:
         with suppress(OSError):
-            inner = sorted(path for path in folder.iterdir() if path.is_dir())
-            folders += [folder, *inner]
-    return folders + [folder / "share" for folder in named["AMENT_PREFIX_PATH"]]
+            folders += [folder, *sorted(path for path in folder.iterdir() if path.is_dir())]
+    return folders + [folder / "share" for folder in ament]
 
 
 def _declared_name(folder: Path) -> str | None:
