@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
@@ -329,10 +328,7 @@ def _tell_report(files: ReportFiles, *, leaderboard: bool = False) -> None:
 def _write_replay(record: Path, page: Path, instant: float | None) -> None:
     from mobman.viewer.view import View, make_scene
 
-    scene = make_scene(record, time=instant)
-    for warning in scene.warnings:
-        warnings.warn(warning, stacklevel=1)
-    with View(scene) as shown:
+    with View(make_scene(record, time=instant)) as shown:
         shown.save(page)
     echo(f"replay: {page}", err=True)
 

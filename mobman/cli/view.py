@@ -75,8 +75,6 @@ def view(what: tuple[str, ...], html: Path | None, png: Path | None, **given: An
     if png is None and (transparent or scale is not None):
         raise UsageError("--scale and --transparent are for a picture: give --png FILE, too")
     scene = make_scene(what, layout=given["layout"], time=time, camera=given["camera"])
-    for warning in scene.warnings:
-        warnings.warn(warning, stacklevel=1)
     with View(scene, host=given["host"], port=given["port"]) as shown:
         written: list[tuple[str, Path]] = []
         if html is not None:

@@ -43,7 +43,7 @@ _RATED = 1.0  # Time over which the rate of a live run is taken (s)
 _BEHIND = 0.1  # Delay behind the clock that a live run makes up for (s); a longer one is kept
 
 
-class View:
+class View(contextlib.AbstractContextManager["View"]):
     """A scene to look at: by an address, in a notebook, or in a file.
 
     The server is started when its address is first asked for. It lives in this process and ends with
@@ -125,9 +125,6 @@ class View:
             self._server.close()
             self._server = None
 
-    def __enter__(self) -> View:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.close()
 
@@ -179,8 +176,6 @@ def view(
         RecordError: If a record cannot be read.
     """
     scene = make_scene(what, layout=layout, time=time, camera=camera)
-    for warning in scene.warnings:
-        warnings.warn(warning, stacklevel=2)
     shown, notebook = View(scene, host=host, port=port), _in_notebook()
     if html is not None:
         shown._file = shown.save(html)
@@ -198,7 +193,7 @@ def make_scene(
     time: float | None = None,
     camera: str | Sequence[float] | None = None,
 ) -> scenes.Scene:
-    """Make the scene that :func:`view` shows, as plain data; it raises what that raises."""
+    """Make the scene that :func:`view` shows, as plain data; it warns and raises as that."""
     scenes.check_view(time, layout)
     single = isinstance(what, (Record, MobileManipulator, RobotSpec, Mapping, str, os.PathLike))
     if not single and not isinstance(what, Iterable):
@@ -214,8 +209,12 @@ def make_scene(
     if len(robots) > 1:
         raise UsageError("one robot at a time can be shown; several runs can")
     if robots:
-        return scenes.scene_of_robot(_robot(robots[0]), camera=camera)
-    return scenes.scene_of_runs(runs, layout=layout, time=time, camera=camera)
+        scene = scenes.scene_of_robot(_robot(robots[0]), camera=camera)
+    else:
+        scene = scenes.scene_of_runs(runs, layout=layout, time=time, camera=camera)
+    for warning in scene.warnings:
+        warnings.warn(warning, stacklevel=3)
+    return scene
 
 
 def _robot(what: Any) -> MobileManipulator:
