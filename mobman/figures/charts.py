@@ -1,4 +1,4 @@
-"""Charts as specifications of Vega-Lite: shared parts, and curves against time.
+"""Charts as Vega-Lite specifications, made by Altair: shared parts, and curves against time.
 
 Texts of others are values of the data, titles and descriptions only: never a field's name, a format
 or an expression.
@@ -6,10 +6,13 @@ or an expression.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
+import altair as alt
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,19 +21,11 @@ from mobman.display import printable
 from mobman.figures.looks import Look, looks_of, motor_looks
 
 Spec: TypeAlias = dict[str, Any]
-Rows: TypeAlias = Sequence[Mapping[str, Any]]
 FLOOR = 1e-12
 """Smallest error that is drawn (m): what is below it is rounding."""
 GREY = "#8a8f96"
-SPAN = {"x": {"field": "from", "type": "quantitative"}, "x2": {"field": "to"}}
-"""Encodings of what lies between two values."""
-_SCHEMA = "https://vega.github.io/schema/vega-lite/v6.json"
 _PARTS = 3  # axes of motors of like size
-_PICK = {"type": "point", "fields": ["label"], "toggle": "true"}
-_ZOOM = {"type": "interval", "encodings": ["x"], "zoom": "wheel![event.shiftKey]"}
-"""By the wheel with Shift: the plain one is for scrolling the page."""
-_NEAR = {"type": "point", "nearest": True, "on": "pointerover", "clear": "pointerout"}
-_NONE: Spec = {"values": []}
+_PICK = alt.selection_point(name="pick", fields=["label"], bind="legend", toggle="true")
 
 
 class Curve(NamedTuple):
@@ -45,77 +40,29 @@ class Curve(NamedTuple):
 # Parts of every chart --------------------------------------------------------------------------------
 
 
-def panel(
-    title: str,
-    layers: Sequence[Spec],
-    rows: Rows,
-    *,
-    height: float,
-    zoom: bool = True,
-    legend: bool = True,
-    heading: str = "",
-) -> Spec:
-    """Make the chart of layers on top of one another.
-
-    Args:
-        title: Its description for those who cannot see it.
-        layers: First the one with the looks; those with rows of their own, but none, are left out.
-        rows: Of all other layers.
-        height: Of the panel (px).
-        zoom: True if the horizontal axis can be moved and zoomed.
-        legend: True if there is one, whose names can be clicked.
-        heading: Words above the panel.
-    """
-    first, *others = layers
-    near = [own["encoding"]["x"]["field"] for own in others if own.get("name") == "hover"]
-    params: list[Spec] = [
-        {"name": "near", "select": {**_NEAR, "fields": ["label", x]}, "views": ["hover"]}
-        for x in near
-    ]
-    if legend:
-        params.append({"name": "pick", "select": _PICK, "bind": "legend", "views": ["main"]})
-    if zoom:
-        params.append({"name": "zoom", "select": _ZOOM, "bind": "scales", "views": ["main"]})
-    return {
-        "$schema": _SCHEMA,
-        "description": printable(title),
-        **({"title": printable(heading)} if heading else {}),
-        "data": _data(rows),
-        "layer": [{**first, "name": "main"}, *(own for own in others if own.get("data") != _NONE)],
-        "params": params,
-        "width": "container",
-        "height": height,
-    }
+def figure(chart: Any, title: str, **data: Sequence[Mapping[str, Any]]) -> Spec:
+    """Make a specification of a chart: its title for those who cannot see it, and its named data."""
+    return _filled(_bare(chart), title, **data)
 
 
-def layer(
-    mark: str,
-    encoding: Mapping[str, Any],
-    *,
-    rows: Rows | None = None,
-    flatten: Sequence[str] = (),
-    only: str = "",
-    name: str = "",
-    **look: Any,
-) -> Spec:
-    """Make a layer: a mark with its look, and encodings by channel.
-
-    By default it has the rows of the chart: with lists in fields, which are flattened, or those only for
-    which an expression is true.
-    """
-    flattened = [{"flatten": list(flatten)}] if flatten else []
-    parts = {
-        "name": name,
-        "data": None if rows is None else _data(rows),
-        "transform": [*flattened, *([{"filter": only}] if only else [])],
-        "mark": {"type": mark, **look},
-        "encoding": dict(encoding),
-    }
-    return {key: part for key, part in parts.items() if part}
+def _bare(chart: Any) -> Spec:
+    return {key: value for key, value in chart.to_dict().items() if key != "config"}
 
 
-def _data(rows: Rows) -> Spec:
-    return {"values": [{key: _value(value) for key, value in row.items()} for row in rows]}
+def _filled(spec: Spec, title: str, **data: Sequence[Mapping[str, Any]]) -> Spec:
+    spec = copy.deepcopy(spec)
+    spec["description"] = printable(title)
+    if "layer" in spec:  # one of its own data is left out where there is none
+        named = ((layer, layer.get("data", {}).get("name")) for layer in spec["layer"])
+        spec["layer"] = [layer for layer, name in named if name is None or data.get(name)]
+    for part in (spec, *spec.get("layer", ())):
+        name = part.get("data", {}).get("name")
+        if name is not None:
+            rows = (
+                {key: _value(value) for key, value in row.items()} for row in data.get(name, ())
+            )
+            part["data"] = {"values": list(rows)}
+    return spec
 
 
 def _value(value: Any) -> Any:
@@ -127,55 +74,73 @@ def _value(value: Any) -> Any:
     return float(f"{value:.4g}") if math.isfinite(value) else None
 
 
-def quantity(field: str, **how: Any) -> Spec:
-    """Make the encoding of a field of numbers."""
-    return {"field": field, "type": "quantitative", **how}
+def layered(
+    *layers: alt.Chart, data: str, height: float, zoom: str = "", legend: bool = True
+) -> Any:
+    """Layer charts of named data in a panel of some height (px), first the one with the looks, whose
+    names in the legend, if there is one, can be clicked; axes to zoom are ``"x"``, ``"xy"`` or none."""
+    chart = alt.layer(*layers, data=alt.NamedData(data)).properties(
+        width="container", height=height
+    )
+    params: list[Any] = [_PICK] if legend else []
+    if zoom:  # by the wheel with Shift: the plain one is for scrolling the page
+        how: dict[str, Any] = {"encodings": list(zoom), "zoom": "wheel![event.shiftKey]"}
+        params.append(alt.selection_interval(name="zoom", bind="scales", **how))
+    return chart.add_params(*params)
 
 
-def nominal(field: str, **how: Any) -> Spec:
-    """Make the encoding of a field of words."""
-    return {"field": field, "type": "nominal", **how}
+def layer(data: str = "") -> alt.Chart:
+    """Make a layer with data of its own, by their name; by default with those of the whole."""
+    return alt.Chart(alt.NamedData(data)) if data else alt.Chart()
 
 
 def looked(
     looks: Mapping[str, Look], *, line: bool = False, marker: bool = False, legend: bool = True
-) -> dict[str, Spec]:
+) -> dict[str, Any]:
     """Make the encodings that give each label its look, with dashes and widths of lines or with
     markers; with a legend, those that are not picked there fade."""
-    domain = [printable(label) for label in looks]
-    ranges: dict[str, list[Any]] = {"color": [look.colour for look in looks.values()]}
-    if marker:
-        ranges["shape"] = [look.marker for look in looks.values()]
-    if line:
-        ranges["strokeDash"] = [list(look.dashes) for look in looks.values()]
-        ranges["strokeWidth"] = [look.width for look in looks.values()]
-    how: dict[str, Any] = {"title": None} | ({} if legend else {"legend": None})
-    found = {
-        channel: nominal("label", scale={"type": "ordinal", "domain": domain, "range": own}, **how)
-        for channel, own in ranges.items()
+    scales = _scales(looks)
+    wanted = {"color": alt.Color, **({"shape": alt.Shape} if marker else {})}
+    wanted |= {"strokeDash": alt.StrokeDash, "strokeWidth": alt.StrokeWidth} if line else {}
+    how: dict[str, Any] = {"field": "label", "type": "nominal", "title": None}
+    how |= {} if legend else {"legend": None}
+    found: dict[str, Any] = {
+        name: channel(scale=alt.Scale(**scales[name]), **how) for name, channel in wanted.items()
     }
     if legend:
-        found["opacity"] = {"condition": {"param": "pick", "value": 1.0}, "value": 0.06}
+        found["opacity"] = alt.condition(_PICK, alt.value(1.0), alt.value(0.06))
     return found
 
 
-def hovered(x: str, y: str, flatten: Sequence[str]) -> Spec:
+def _scales(looks: Mapping[str, Look]) -> dict[str, dict[str, Any]]:
+    """Make the scales by which labels have their looks, by encoding channel."""
+    domain = [printable(label) for label in looks]
+    ranges: dict[str, list[Any]] = {
+        "color": [look.colour for look in looks.values()],
+        "strokeDash": [list(look.dashes) for look in looks.values()],
+        "strokeWidth": [look.width for look in looks.values()],
+        "shape": [look.marker for look in looks.values()],
+    }
+    return {k: {"type": "ordinal", "domain": domain, "range": v} for k, v in ranges.items()}
+
+
+def hovered(base: alt.Chart, x: str, y: str) -> Any:
     """Make the layer that shows the point of a curve nearest to the pointer, and its data."""
-    shown = {"condition": {"param": "near", "value": 1.0, "empty": False}, "value": 0.0}
-    how = {"x": quantity(x), "y": quantity(y), "opacity": shown}
+    fields = ["label", x]
+    pointer: dict[str, Any] = {"on": "pointerover", "clear": "pointerout", "empty": False}
+    near = alt.selection_point(name="near", nearest=True, fields=fields, **pointer)
+    shown: Any = alt.condition(near, alt.value(1.0), alt.value(0.0))
     # Vega-Lite looks for texts of encoded tooltips in the wrong place if the nearest point is shown
-    look: dict[str, Any] = {"filled": True, "size": 55, "color": GREY, "clip": True}
-    return layer("point", how, name="hover", flatten=flatten, tooltip={"content": "data"}, **look)
+    points = base.mark_point(
+        filled=True, size=55, color=GREY, clip=True, tooltip={"content": "data"}
+    )
+    points = points.encode(x=f"{x}:Q", y=f"{y}:Q", opacity=shown)
+    return points.properties(name="hover").add_params(near)
 
 
-def line_at(channel: str, values: Iterable[float], **look: Any) -> Spec:
-    """Make a layer of dotted lines through the panel at some values."""
-    look = {"strokeDash": [2, 3], "color": GREY, **look}
-    rows = [{"at": value} for value in values]
-    return layer("rule", {channel: quantity("at")}, rows=rows, **look)
-
-
-def log_axis(low: float, high: float, title: str, end: float | None = None) -> dict[str, Any]:
+def log_axis(
+    low: float, high: float, title: str | None, end: float | None = None
+) -> dict[str, Any]:
     """Make title, scale and axis of a logarithmic encoding, with few round ticks.
 
     Failures are drawn at ``end``, beyond ``high``, if it is given.
@@ -190,12 +155,9 @@ def log_axis(low: float, high: float, title: str, end: float | None = None) -> d
     if end is not None:
         ticks, label = [*ticks, end], f"datum.value > {high * 1.01:.6g} ? '∞' : {label}"
     form = "~g" if low > 1e-3 and high < 1e5 else "~e"
-    domain = [low, high if end is None else 2.5 * end]
-    return {
-        "title": title,
-        "scale": {"type": "log", "domain": domain, "nice": False},
-        "axis": {"values": ticks, "format": form, "labelExpr": label},
-    }
+    axis: dict[str, Any] = {"values": ticks, "format": form, "labelExpr": label}
+    scale = alt.Scale(type="log", domain=[low, high if end is None else 2.5 * end], nice=False)
+    return {"title": title, "scale": scale, "axis": alt.Axis(**axis)}
 
 
 def decades(values: Iterable[float], floor: float = FLOOR) -> tuple[float, float]:
@@ -207,6 +169,14 @@ def decades(values: Iterable[float], floor: float = FLOOR) -> tuple[float, float
     low = max(math.floor(math.log10(found.min()) + 1e-9), round(math.log10(floor)))
     high = min(max(math.ceil(math.log10(found.max()) - 1e-9), low + 1), 300)
     return 10.0**low, 10.0**high
+
+
+def line_at(name: str, channel: str, **mark: Any) -> alt.Chart:
+    """Make a layer of dotted lines through the panel, at the field ``at`` of its own data."""
+    mark = {"strokeDash": [2, 3], "color": GREY, **mark}
+    place: Any = {channel: alt.X("at:Q") if channel == "x" else alt.Y("at:Q")}
+    chart: alt.Chart = layer(name).mark_rule(**mark).encode(**place)
+    return chart
 
 
 # Curves against time -------------------------------------------------------------------------------
@@ -265,6 +235,33 @@ def _bends(t: Array, values: Array, height: float) -> NDArray[np.intp]:
     return kept
 
 
+@cache
+def _against_time(log: bool) -> Spec:
+    """Make the chart of curves against time, without data, looks and limits of the axes.
+
+    Altair takes a tenth of a second for a chart, and a report has hundreds of this one.
+    """
+    x = alt.X("t:Q", title="t  (s)", scale=alt.Scale(domain=[0, 1], nice=False))
+    y: Any = alt.Y("y:Q", scale=alt.Scale(domain=[-1, 1], nice=False))
+    if log:
+        y = alt.Y("y:Q", **log_axis(1e-12, 1.0, ""))
+    look, curves = looked({}, line=True), layer().transform_flatten(["t", "y"])
+    steady = layer("steady").mark_rect(color=GREY, opacity=0.09)
+    ends = layer("ends").mark_point(shape="cross", angle=45, filled=True, size=70, clip=True)
+    chart = layered(
+        curves.mark_line(clip=True).encode(x=x, y=y, **look),
+        steady.encode(x=alt.X("from:Q"), x2="to:Q"),
+        line_at("marks", "y"),
+        line_at("stop", "x", strokeDash=[1, 0]),
+        ends.encode(x="t:Q", y="y:Q", color=look["color"], tooltip=["ended:N"]),
+        hovered(curves, "t", "y"),
+        data="curves",
+        height=1,
+        zoom="x",
+    )
+    return _bare(chart)
+
+
 def time_chart(
     curves: Sequence[Curve],
     looks: Mapping[str, Look],
@@ -311,28 +308,29 @@ def time_chart(
             y = float(np.clip(finite[-1] if len(finite) else 0.0, low, high))
             words = f"{curve.label} ended at {curve.end:.4g} s"
             ends.append({"label": curve.label, "t": curve.end, "y": y, "ended": words})
-    linear = {"title": axis, "scale": {"domain": [low, high], "nice": False}}
-    x = quantity("t", title="t  (s)", scale={"domain": [0, duration], "nice": False})
-    y_axis = quantity("y", **(log_axis(low, high, axis) if log else linear))
-    look, lists = looked(shown, line=True), ["t", "y"]
-    part = [] if steady is None else [{"from": steady, "to": duration}]
-    at_ends = {"x": quantity("t"), "y": quantity("y"), "color": look["color"]}
-    cross: dict[str, Any] = {
-        "shape": "cross",
-        "angle": 45,
-        "filled": True,
-        "size": 70,
-        "clip": True,
-    }
-    layers = [
-        layer("line", {"x": x, "y": y_axis, **look}, flatten=lists, clip=True),
-        layer("rect", SPAN, rows=part, color=GREY, opacity=0.09),
-        line_at("y", [mark] if mark is not None and low < mark < high else []),
-        line_at("x", [min(stop, duration)] if math.isfinite(stop) else [], strokeDash=[1, 0]),
-        layer("point", {**at_ends, "tooltip": [nominal("ended")]}, rows=ends, **cross),
-        hovered("t", "y", lists),
-    ]
-    return panel(title, layers, rows, height=height, heading=heading)
+    found = _filled(
+        _against_time(log),
+        title,
+        curves=rows,
+        ends=ends,
+        steady=[] if steady is None else [{"from": steady, "to": duration}],
+        marks=[{"at": mark}] if mark is not None and low < mark < high else [],
+        stop=[{"at": min(stop, duration)}] if math.isfinite(stop) else [],
+    )
+    if heading:
+        found["title"] = printable(heading)
+    found["height"] = height
+    for part in found["layer"]:
+        encoding, scales = part["encoding"], _scales(shown)
+        for channel in scales.keys() & encoding.keys():
+            encoding[channel]["scale"] = scales[channel]
+    encoding = found["layer"][0]["encoding"]  # of the lines
+    encoding["x"]["scale"]["domain"] = [0, duration]
+    encoding["y"]["title"] = axis
+    encoding["y"]["scale"]["domain"] = [low, high]
+    if log:
+        encoding["y"]["axis"] = log_axis(low, high, "")["axis"].to_dict()
+    return found
 
 
 def _around(values: Array) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+import altair as alt
 import numpy as np
 import pandas as pd
 
@@ -17,17 +18,7 @@ from mobman.benchmark.report.standings import EFFORTS, Board, Price, clusters, u
 from mobman.benchmark.statistics import Interval, performance_profile, score_profile
 from mobman.display import printable
 from mobman.figures import charts as parts
-from mobman.figures.charts import (
-    FLOOR,
-    GREY,
-    SPAN,
-    Spec,
-    decades,
-    layer,
-    log_axis,
-    nominal,
-    quantity,
-)
+from mobman.figures.charts import FLOOR, GREY, Spec, decades, layer, log_axis
 from mobman.figures.looks import Look, looks_of
 from mobman.simulation.metrics import STEADY
 from mobman.simulation.monitors import STAGES
@@ -92,38 +83,46 @@ def _errors(
         drawn.append({**row, **limited, "failed": float(row["error"] > end)})
     alone = all(row["label"] == row["at"] for row in rows)  # the names are their legend
     look = parts.looked(looks, line=joined, marker=True, legend=not alone)
-    shape = {"shape": look.pop("shape")}
+    lines = {channel: how for channel, how in look.items() if channel != "shape"}
     colours = {channel: how for channel, how in look.items() if channel in ("color", "opacity")}
-    error = {vertical: quantity("error", **log_axis(low, high, _ERROR, end))}
-    good = "!datum.failed"  # of failures there is no height
+    channel: Any = alt.Y if upright else alt.X
+    error = {vertical: channel("error:Q", **log_axis(low, high, _ERROR, end))}
+    good = layer().transform_filter("!datum.failed")  # of failures there is no height
+    bars = layer().mark_rule(strokeWidth=3)
     if joined:
-        layers = [layer("line", {**error, **against, **look}, only=good)]
+        layers = [good.mark_line().encode(**error, **against, **lines)]
     else:
-        spread = {vertical: quantity("low"), f"{vertical}2": {"field": "high"}}
-        layers = [layer("rule", {**spread, **against, **colours}, strokeWidth=3)]
+        spread = {vertical: channel("low:Q"), f"{vertical}2": "high:Q"}
+        layers = [bars.encode(**spread, **against, **colours)]
     if rows and "from" in rows[0]:
-        layers.append(layer("rule", {**SPAN, **error, **colours}, strokeWidth=3))
-    zone = {vertical: quantity("from"), f"{vertical}2": {"field": "to"}}
-    beyond = [{"from": 10**0.5 * high, "to": 2.5 * end}]
-    corners = [{"x": x, "y": y} for x, y in front]
-    stairs = {"x": quantity("x"), "y": quantity("y"), "order": quantity("x")}
-    tips = [nominal("label", title="controller"), nominal("value")]
-    points = {**error, **against, **colours, "tooltip": tips}
+        layers.append(bars.encode(x=alt.X("from:Q"), x2="to:Q", **error, **colours))
+    zoned: dict[str, Any] = {vertical: channel("from:Q"), f"{vertical}2": "to:Q"}
+    stairs = layer("front").mark_line(interpolate="step-after", color=GREY, strokeWidth=1)
+    tips = [alt.Tooltip("label:N", title="controller"), alt.Tooltip("value:N")]
+    points: dict[str, Any] = {**error, **against, **colours, "tooltip": tips}
     cross: dict[str, Any] = {"shape": "cross", "angle": 45, "filled": True, "size": 80}
     layers += [
-        layer("rect", zone, rows=beyond, color=GREY, opacity=0.12),
-        layer("line", stairs, rows=corners, interpolate="step-after", color=GREY, strokeWidth=1),
-        parts.line_at(vertical, [SUCCESS] if low < SUCCESS < high else []),
-        layer("point", {**points, **shape}, only=good, filled=True, size=80),
-        layer("point", points, only="datum.failed", **cross),
+        layer("zone").mark_rect(color=GREY, opacity=0.12).encode(**zoned),
+        *([stairs.encode(x="x:Q", y="y:Q", order="x:Q")] if front else ()),
+        parts.line_at("marks", vertical),
+        good.mark_point(filled=True, size=80).encode(**points, shape=look["shape"]),
+        layer().transform_filter("datum.failed").mark_point(**cross).encode(**points),
     ]
-    how: dict[str, Any] = {"height": height, "zoom": upright, "legend": not alone}
-    return parts.panel(title, layers, drawn, heading=heading, **how)
+    zoom = "x" if upright else ""
+    spec = parts.figure(
+        parts.layered(*layers, data="rows", height=height, zoom=zoom, legend=not alone),
+        title,
+        rows=drawn,
+        front=[{"x": x, "y": y} for x, y in front],
+        marks=[{"at": SUCCESS}] if low < SUCCESS < high else [],
+        zone=[{"from": 10**0.5 * high, "to": 2.5 * end}],
+    )
+    return {**spec, "title": printable(heading)} if heading else spec
 
 
-def _names(field: str, names: Iterable[str], **how: Any) -> Spec:
+def _names(kind: Any, field: str, names: Iterable[str]) -> Any:
     """Make an axis of names, in their order."""
-    return nominal(field, sort=list(map(printable, names)), title=None, **how)
+    return kind(f"{field}:N", sort=list(map(printable, names)), title=None)
 
 
 # Figures over all cells ----------------------------------------------------------------------------
@@ -139,7 +138,7 @@ def leaderboard_figure(board: Board, looks: Looks) -> Figure:
         "Geometric interquartile mean of the steady task error of each controller, with intervals"
     )
     shown = {s.label: looks[s.label] for s in board.ranked}
-    axis, height = {"y": _names("at", shown)}, 27.0 * len(rows) + 8.0
+    axis, height = {"y": _names(alt.Y, "at", shown)}, 27.0 * len(rows) + 8.0
     return Figure(
         "leaderboard",
         [_errors(rows, shown, title, axis, upright=False, height=height)],
@@ -163,8 +162,8 @@ def overview_figure(results: Results, group: str, looks: Looks) -> Figure:
     ]
     shown = {label: looks[label] for label in results.labels if errors[label].notna().any()}
     height = len(cells) * (12.0 + 9.0 * len(shown))
-    offset = nominal("label", sort=list(map(printable, shown)))
-    axes = {"y": _names("at", cells.variant), "yOffset": offset}
+    axes = {"y": _names(alt.Y, "at", cells.variant)}
+    axes["yOffset"] = alt.YOffset("label:N", sort=list(map(printable, shown)))
     title = f"Largest steady task error of each controller: {group}"
     return Figure(
         f"{group} overview",
@@ -201,21 +200,24 @@ def heat_map(results: Results, board: Board, column: str, name: str) -> tuple[Fi
         for row, found in shown.iterrows()
         for label, error in found.items()
     ]
-    x = _names("label", shown.columns, axis={"orient": "top", "labelAngle": -30})
-    tips = [nominal(field) for field in ("row", "label", "text")]
-    base = {"x": x, "y": _names("row", shown.index), "tooltip": tips}
-    scale = {"scheme": "blues", "domain": [math.log10(low), math.log10(high)]}
-    shade = quantity("shade", scale=scale, legend=None, test="isValid(datum.shade)")
+    x = _names(alt.X, "label", shown.columns).axis(orient="top", labelAngle=-30)
+    y = _names(alt.Y, "row", shown.index)
+    scale = alt.Scale(scheme="blues", domain=[math.log10(low), math.log10(high)])
+    shade: Any = alt.Color("shade:Q", scale=scale, legend=None)
+    base = layer().encode(x=x, y=y, tooltip=["row:N", "label:N", "text:N"])
     dark = f"datum.shade > {0.5 * math.log10(low * high):.6g}"
-    ink = {"condition": {"test": dark, "value": "white"}, "value": "#16202c"}
-    colour = {"condition": shade, "value": "#c9ccd1"}
-    rect: dict[str, Any] = {"stroke": "white", "strokeWidth": 1, "invalid": None}
-    layers = [
-        layer("rect", {**base, "color": colour}, **rect),
-        layer("text", {**base, "text": nominal("text"), "color": ink}, fontSize=11),
-    ]
-    title = f"Heat map of the steady task error: {kind} by controllers"
-    spec = parts.panel(title, layers, rows, height=22.0 * len(shown), zoom=False, legend=False)
+    ink: Any = alt.condition(dark, alt.value("white"), alt.value("#16202c"))
+    crossed: Any = alt.condition("isValid(datum.shade)", shade, alt.value("#c9ccd1"))
+    chart = parts.layered(
+        base.mark_rect(stroke="white", strokeWidth=1, invalid=None).encode(color=crossed),
+        base.mark_text(fontSize=11).encode(text="text:N", color=ink),
+        data="rows",
+        height=22.0 * len(shown),
+        legend=False,
+    )
+    spec = parts.figure(
+        chart, f"Heat map of the steady task error: {kind} by controllers", rows=rows
+    )
     caption = f"Steady |e^e| (m), the median over {over}, {_MIDDLE}; darker is worse; {_HALF}"
     return Figure(name, [spec], caption), len(table) - len(shown)
 
@@ -275,12 +277,15 @@ def _sweep(
     log = low > 0.0 and high > 2.0 * low
     margin = 1.15 if log else 0.05 * (high - low)
     limits = [low / margin, high * margin] if log else [low - margin, high + margin]
-    ticks = {"values": sorted(set(values))} if values.nunique() <= 8 else {}
-    scale = {"type": "log" if log else "linear", "domain": limits, "nice": False}
-    how = {"title": printable(axis), "scale": scale, "axis": {"format": "~g", **ticks}}
+    ticks = sorted(set(values)) if values.nunique() <= 8 else alt.Undefined
+    how: dict[str, Any] = {
+        "title": printable(axis),
+        "scale": alt.Scale(type="log" if log else "linear", domain=limits, nice=False),
+        "axis": alt.Axis(values=ticks, format="~g"),
+    }
     shown = {label: look for label, look in looks.items() if label in known}
     title = f"Steady task error against {axis}: {name}"
-    return [_errors(rows, shown, title, {"x": quantity("at", **how)}, joined=True, heading=name)]
+    return [_errors(rows, shown, title, {"x": alt.X("at:Q", **how)}, joined=True, heading=name)]
 
 
 def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
@@ -308,25 +313,27 @@ def profiles_figure(results: Results, board: Board, looks: Looks) -> Figure:
         "below no error. Higher is better."
     )
     charts = [
-        _profile(left, shown, within, "Performance profile"),
-        _profile(right, shown, at_most, "Score profile"),
+        {**_profile(left, shown, within), "title": "Performance profile"},
+        {**_profile(right, shown, at_most), "title": "Score profile"},
     ]
     return Figure("profiles", charts, caption, across=True)
 
 
-def _profile(rows: list[dict[str, Any]], looks: Looks, axis: dict[str, Any], heading: str) -> Spec:
-    fields = list(rows[0])[1:]
+def _profile(rows: list[dict[str, Any]], looks: Looks, axis: dict[str, Any]) -> Spec:
+    fields: list[Any] = list(rows[0])[1:]
     rows = sorted(rows, key=lambda row: looks[row["label"]].depth)
+    base = layer().transform_flatten(fields)
+    x = alt.X("x:Q", **axis)
+    y = alt.Y("y:Q", title="share of cells", scale=alt.Scale(domain=[0, 1.02], nice=False))
     look = parts.looked(looks, line=True)
-    share = quantity("y", title="share of cells", scale={"domain": [0, 1.02], "nice": False})
-    how: dict[str, Any] = {"flatten": fields, "interpolate": "step-after", "clip": True}
-    layers = [layer("line", {"x": quantity("x", **axis), "y": share, **look}, **how)]
+    lines = base.mark_line(interpolate="step-after", clip=True).encode(x=x, y=y, **look)
+    layers = [lines, parts.hovered(base, "x", "y")]
     if "low" in fields:
-        band = {"x": quantity("x"), "y": quantity("low"), "y2": {"field": "high"}}
-        layers.append(layer("area", {**band, "color": look["color"]}, opacity=0.1, **how))
-    layers.append(parts.hovered("x", "y", fields))
+        band = base.mark_area(interpolate="step-after", opacity=0.1, clip=True)
+        layers.insert(1, band.encode(x="x:Q", y="low:Q", y2="high:Q", color=look["color"]))
+    chart = parts.layered(*layers, data="rows", height=250.0, zoom="x")
     title = "Performance profile and score profile of the steady task error"
-    return parts.panel(title, layers, rows, height=250.0, heading=heading)
+    return parts.figure(chart, title, rows=rows)
 
 
 def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure:
@@ -353,7 +360,7 @@ def pareto_figure(prices: Mapping[str, Sequence[Price]], looks: Looks) -> Figure
         corners += [(right, corners[-1][1])] if corners else []
         own_looks = {p.label: looks[p.label] for p in shown}
         title = "Precision against effort of each controller, with the Pareto front"
-        axis = quantity("at", **log_axis(left, right, EFFORTS[metric]))
+        axis = alt.X("at:Q", **log_axis(left, right, EFFORTS[metric]))
         charts.append(_errors(rows, own_looks, title, {"x": axis}, front=corners))
     caption = (
         "Lower left is better; bars: 95 % intervals; grey: the front. Controllers that fail in half of "
