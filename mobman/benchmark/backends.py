@@ -92,17 +92,13 @@ class Local(Backend):
     blames_exactly = True
 
     def __init__(self, count: int, time_limit: float) -> None:
-        self._count, self._limit = count, time_limit
-        self._workers = Workers(count, time_limit)
-
-    def slots(self) -> int:
-        """See :meth:`Backend.slots`."""
-        return self._count
+        super().__init__(lambda: Workers(count, time_limit))
+        self._limit = time_limit
 
     def submit(self, job: Job) -> Future[Result]:
         """Have a job done; the future has the error of one that cannot be pickled."""
         try:
-            return self._workers.submit(perform_packed, packed(job, pickle.dumps))
+            return self._executor.submit(perform_packed, packed(job, pickle.dumps))
         except MobmanError as error:
             refused: Future[Result] = Future()
             refused.set_exception(error)
@@ -114,14 +110,7 @@ class Local(Backend):
         return str(error) if isinstance(error, WorkerLostError) else None
 
     def renew(self, error: BaseException) -> None:
-        """See :meth:`Backend.renew`."""
-        raise MobmanError(str(error)) from error
-
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        if kind is None:
-            self._workers.shutdown()
-        else:  # runs half done are worthless
-            self._workers.kill()
+        raise MobmanError(str(error)) from error  # no process starts any more
 
 
 class Cluster(Backend):

@@ -70,15 +70,9 @@ class Workers(ThreadPoolExecutor):
         return super().submit(self._call, function, args)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes when what was submitted is done."""
+        """End the processes: when what was submitted is done or, without waiting, now."""
+        self._killed = not wait
         super().shutdown(wait, cancel_futures=cancel_futures)
-        for pool in list(self._pools):
-            self._end(pool)
-
-    def kill(self) -> None:
-        """End the processes now."""
-        self._killed = True
-        super().shutdown(wait=False, cancel_futures=True)
         for pool in list(self._pools):
             self._end(pool)
 
