@@ -221,17 +221,22 @@ def tuned_suite(
         if label in better:
             own = {**gains_by_field(entry["law"], entry.get("gains", {})), **better[label]}
             entries[label + SUFFIX] = {"law": entry["law"], "gains": own, "tuned": origin}
-    overrides = content.get("overrides", [])
-    for place in [*content["groups"], *(override["where"] for override in overrides)]:
+    groups, overrides = content["groups"], content.get("overrides", [])
+    gone = set(content["controllers"]) - set(entries)  # tuned before, and nothing better now
+    for place in [*groups, *(override["where"] for override in overrides)]:
         if "controllers" in place:
-            place["controllers"] = _with_tuned(suite, place["controllers"], better)
+            left = [name for name in place["controllers"] if name not in gone]
+            place["controllers"] = _with_tuned(suite, left, better)
+    groups = [group for group in groups if group.get("controllers") != []]
+    overrides = [one for one in overrides if one["where"].get("controllers") != []]
+    for group in groups:
+        if "gains" in group:
+            group["gains"] = {k: own for k, own in group["gains"].items() if k not in gone}
     again = []
     for label, own in better.items():
         law = suite.controllers[label].law
-        elsewhere = [
-            group["gains"].get(label, {}) for group in content["groups"] if "gains" in group
-        ]
-        for group in content["groups"]:
+        elsewhere = [group["gains"].get(label, {}) for group in groups if "gains" in group]
+        for group in groups:
             if given := group.get("gains", {}).get(label):
                 group["gains"][label + SUFFIX] = given
         elsewhere += [
@@ -242,9 +247,10 @@ def tuned_suite(
         if any(own.keys() & gains_by_field(law, given).keys() for given in elsewhere):
             again.append({"where": {"controllers": [label + SUFFIX]}, "gains": own})
     written = {
-        **content,
+        **{key: own for key, own in content.items() if key != "overrides"},
         "name": f"{suite.name}{SUFFIX}",
         "controllers": entries,
+        "groups": groups,
         **({"overrides": [*overrides, *again]} if overrides or again else {}),
         "tuning": tuning.model_dump(mode="json", exclude_none=True),
     }

@@ -77,6 +77,22 @@ def test_it_is_tuned_again_where_that_is_asked_for(tuned, tmp_path):
         assert entry == tuned.suite.controllers[label]
 
 
+def test_places_of_a_tuned_entry_go_where_nothing_better_is_found_again(tuned, tmp_path):
+    fields = tuned.suite.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    place = fields["groups"][0]
+    fields["groups"] = [
+        {**place, "controllers": ["one", "one-tuned", "two"], "gains": {"one-tuned": {"y": 0.3}}},
+        {**place, "controllers": ["one-tuned"], "scenarios": ["heavier"]},
+    ]
+    fields["overrides"] = [{"where": {"controllers": ["one-tuned"]}, "duration": 0.03}]
+    suite = tuned_suite(**fields)
+    written = tune_suite(suite, tmp_path, trials=1, controllers=["one"], executor=Inline()).suite
+    assert list(written.controllers) == ["one", "two", "two-tuned"]
+    assert {run.label for run in written.runs()} == {"one", "two"}
+    assert [group.controllers for group in written.groups] == [["one", "two"]]
+    assert not written.overrides
+
+
 def test_gains_of_groups_and_overrides_hold_for_the_tuned_but_for_what_was_tuned(tmp_path):
     space = {"x": {"low": 1.0, "high": 100.0, "log": True}}
     groups = [
