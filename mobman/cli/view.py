@@ -11,7 +11,7 @@ from typing import Any
 
 from click import BadParameter, Choice, Context, FloatRange, Parameter, argument, command, option
 
-from mobman.cli.options import FILE, FORCE, PORT, POSITIVE, check_new, complete, reports
+from mobman.cli.options import FILE, FORCE, PORT, POSITIVE, check_new, complete, reports, wants_json
 from mobman.cli.output import echo, note, progress_bar, report
 from mobman.errors import UsageError
 
@@ -97,7 +97,8 @@ def view(what: tuple[str, ...], html: Path | None, png: Path | None, **given: An
 def _serve(shown: Any, no_browser: bool) -> None:
     address = shown.url
     try:  # from when the address is printed, Ctrl-C is the way to end it
-        echo(f"{shown.scene.title}: {address}  (Ctrl-C ends it)")
+        # with --json, which stands for the files, it is a message
+        echo(f"{shown.scene.title}: {address}  (Ctrl-C ends it)", err=wants_json())
         if not no_browser and not shown.open():
             note("no browser could be opened; open the address in one")
         threading.Event().wait()
