@@ -301,7 +301,7 @@ def _omnidirectional(name: str, driven: list[Rolling], hint: str) -> Drive:
     if len(driven) < 3:
         raise Undecided(
             f"an {name} platform has three wheels or more; found "
-            f"{', '.join(w.name for w in driven) or 'none'}: name them by --wheel (once for each)"
+            f"{names_of(driven)}: name them by --wheel (once for each)"
         )
     if _all_parallel(driven):
         why, kind = _mecanum_sign(driven, hint) or _AS_ASKED, Inferred("mecanum")

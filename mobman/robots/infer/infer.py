@@ -118,9 +118,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     except Undecided as error:
         known = ""
         if drive is not None and not questions:
-            rolling = (
-                f", wheels {', '.join(w.name for w in drive.rolling)}" if drive.rolling else ""
-            )
+            rolling = f", wheels {names_of(drive.rolling)}" if drive.rolling else ""
             size = "" if radius is None else f", radius {radius.value:.4g} m"
             known = f" (found: {drive.type.value} platform{rolling}{size})"
         questions.append(f"{error}{known}")

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -196,9 +196,9 @@ class Tree:
         return [(link, shape) for link in links for shape in self._shapes[link, use]]
 
 
-def names_of(joints: Iterable[Joint]) -> str:
-    """The names of joints, for messages."""
-    return ", ".join(joint.name for joint in joints) or "none"
+def names_of(things: Iterable[Any]) -> str:
+    """The names of joints or wheels, for messages."""
+    return ", ".join(thing.name for thing in things) or "none"
 
 
 def followed(tree: Tree, joint: Joint) -> Follows:
