@@ -230,10 +230,8 @@ def mjcf_content(robot: MobileManipulator) -> tuple[bytes, tuple[str, ...]]:
     if base:
         bodies[base[-1]] = bodies.pop(BASE)
     remarks = _masses_and_limits(robot, bodies)
-    if turning := ", ".join(foot.name for foot in feet if foot.directed):
-        remarks.append(
-            f"{turning}: XML cannot say friction in a direction that turns, as of rollers"
-        )
+    if some := ", ".join(foot.name for foot in feet if foot.directed):
+        remarks.append(f"{some}: XML cannot say friction in a direction that turns, as of rollers")
     remarks += _motors(robot, root, bodies)
     parts, problems = robot_parts(robot)
     carriers = {"universe": next(root.iter("worldbody")), **bodies}

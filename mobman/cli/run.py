@@ -180,22 +180,17 @@ def tell(
     content = {key: getattr(record, key) for key in keys}
     report({**content, "file": None if path is None else str(path)})
     out = console()
-    bounds = (
-        settings if level() > 0 else {key: settings[key] for key in ("a", "A") if key in settings}
-    )
+    bounds = [key for key in ("a", "A") if key in settings]
     in_force = ", ".join(
-        f"{key} = {value:.4g}" if isinstance(value, float) else f"{key} = {value}"
-        for key, value in bounds.items()
+        f"{key} = {value:.4g}" if isinstance(value := settings[key], float) else f"{key} = {value}"
+        for key in (settings if level() > 0 else bounds)
     )
     name = f"{record.robot} · {record.task} · {record.scenario} · {record.controller}"
     rest = f" {record.status}"
     out.print(out.render_str(name, style="bold"), rest + (f"  ({in_force})" if in_force else ""))
     known = [metric for metric in list_metrics() if metric.name in metrics]
     if everything or level() > 0:
-        values = [number(metrics[metric.name], metric.unit) for metric in known]
-        rows = [
-            (m.name, value, m.unit, m.description) for m, value in zip(known, values, strict=True)
-        ]
+        rows = [(m.name, number(metrics[m.name], m.unit), m.unit, m.description) for m in known]
         out.print(table("metric", "value", "unit", "what it is", rows=rows, right={"value"}))
     else:
         sections: dict[str, list[str]] = {section: [] for section in _SUMMARY}

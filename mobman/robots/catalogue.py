@@ -120,9 +120,8 @@ def find_spec(
     if text.endswith(".toml") or os.sep in text or not isinstance(name_or_path, str):
         return read_spec(Path(text))
     if text in (known := _known()) and (spec := known[text][1]()) is not None:
-        return spec.model_copy(
-            update={"name": text}
-        )  # by which it is found, whatever its field says
+        # by which it is found, whatever its field says
+        return spec.model_copy(update={"name": text})
     # a broken package's name is no choice
     raise UnknownNameError("robot", text, set(list_robots()) - {text})
 
@@ -186,8 +185,7 @@ def _load_plugin(point: EntryPoint) -> RobotSpec | None:
             found = point.load()
             _loaded[point] = as_spec(found() if callable(found) else found)
         except FOREIGN_ERRORS as error:  # another package's fault must not take mobman down
-            warnings.warn(
-                f"robot {point.name!r} of {point.value} is left out: {error!r}", stacklevel=3
-            )
+            why = f"robot {point.name!r} of {point.value} is left out: {error!r}"
+            warnings.warn(why, stacklevel=3)
             _loaded[point] = None
     return _loaded[point]

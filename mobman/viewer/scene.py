@@ -59,9 +59,7 @@ class SampledRun(NamedTuple):
     desired: Array  # p_d (m), shape (N, 3)
     error: Array  # |e^e| (m), shape (N,)
     platform: Array  # The platform's reference point (m), shape (N, 3)
-    q: Array | None = (
-        None  # Configuration, shape (N, nq); with the two below, if the robot is known
-    )
+    q: Array | None = None  # Configuration, shape (N, nq); it and the two below of a known robot
     q_dot: Array | None = None  # Rate of the configuration, shape (N, nq)
     effort: Array | None = None
     """B' v: the generalised force on each coordinate (N m, N), shape (N, nq)."""

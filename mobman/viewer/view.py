@@ -295,9 +295,8 @@ class LiveRun:
 
     def finish(self, record: Record) -> None:
         """Give the page all of the run, which has ended."""
-        content = scenes.scene_of_runs(
-            [scenes.ShownRun(record, record.controller, robot=self._robot)]
-        ).content
+        run = scenes.ShownRun(record, record.controller, robot=self._robot)
+        content = scenes.scene_of_runs([run]).content
         told = {name: content["runs"][0][name] for name in ("motion", "info")}
         told |= {"ended": True, "error_decades": content["error_decades"]}
         self._whole = json.dumps(told)

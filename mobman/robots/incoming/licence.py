@@ -81,9 +81,8 @@ def _named_in(text: str) -> str:
         said = text[start.start() : start.start() + _LINE]
         if re.search(r"CC0|Zero", said, re.IGNORECASE):
             return "CC0-1.0"
-        parts = [
-            short for short, long in _PATTERNS["commons"] if re.search(long, said, re.IGNORECASE)
-        ]
+        own = _PATTERNS["commons"]
+        parts = [name for name, part in own if re.search(part, said, re.IGNORECASE)]
         version = re.search(r"\b(\d\.\d)\b", said)
         return "-".join(["CC-BY", *parts, *([version[1]] if version else [])])
     if start := re.search(_GNU, text, re.IGNORECASE) or re.search(_GNU_SHORT, text):
@@ -93,7 +92,5 @@ def _named_in(text: str) -> str:
             return name
         later = re.search(r"\bor\b.{0,35}?\blater", said, re.IGNORECASE)
         return f"{name}-{version[1]}.{version[2] or 0}{'-or-later' if later else ''}"
-    found = (
-        name for name, pattern in _PATTERNS["licences"] if re.search(pattern, text, re.IGNORECASE)
-    )
-    return next(found, "")
+    own = _PATTERNS["licences"]
+    return next((name for name, part in own if re.search(part, text, re.IGNORECASE)), "")

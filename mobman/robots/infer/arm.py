@@ -102,9 +102,8 @@ class Branches:
             if named and not common(what, tree.links):
                 # a base is where its fingers are, a tool as far out as it goes
                 near = set(palms) if what in _CARRYING else set[str]()
-                return Inferred(
-                    max(named, key=lambda n: (n in near, depth[n], -body.index(n))), what
-                )
+                best = max(named, key=lambda n: (n in near, depth[n], -body.index(n)))
+                return Inferred(best, what)
         if palms:
             return Inferred(max(palms, key=depth.__getitem__), "the link that carries the fingers")
         return Inferred(max(frames, key=depth.__getitem__), "the last link of the chain")

@@ -169,18 +169,14 @@ class Drive:
             for wheel in pair
         ]
         none = "" if self.coordinates else f"wheels: {self.type.value} platforms have none"
+        still = [w.name for w in wheels if none]  # where they are, for the axle's place
+        idle = _names((w.steering, w.joint, *w.rollers) for w in turning)
         self.locks += lock_once(
             {name for lock in self.locks for name in lock.joints} | own,
-            (
-                [w.name for w in wheels if none],
-                none,
-            ),  # they stay where they are for the axle's place
+            (still, none),
             (_names((w.swivel, w.joint) for w in trailed), "a trailer's hitch and wheels"),
             (_names((w.swivel, w.joint, *w.rollers) for w in casters), "casters"),
-            (
-                _names((w.steering, w.joint, *w.rollers) for w in turning),
-                "wheels that do not drive",
-            ),
+            (idle, "wheels that do not drive"),
             (_names(w.suspension for w in every), "suspension"),
             (_names((w.swivel,) for w in every), "swivels of the wheels"),
             (_names(w.rollers for w in every), "rollers"),

@@ -134,9 +134,7 @@ class Tree:
         ends = [scalar(limit, "lower"), scalar(limit, "upper")]
         if kind == "continuous":
             ends = [-math.inf, math.inf]
-        lower, upper = (
-            end if abs(end) < _NO_BOUND else math.copysign(math.inf, end) for end in ends
-        )
+        lower, upper = (x if abs(x) < _NO_BOUND else math.copysign(math.inf, x) for x in ends)
         return Joint(name, kind, parent, child, lower, upper, follows, self.position[child], axis)
 
     def _virtual(self) -> list[Joint]:

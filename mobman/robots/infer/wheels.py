@@ -38,9 +38,8 @@ class Rolling:
     def __init__(self, tree: Tree, joint: Joint) -> None:
         above, self.rollers = tree.chain(joint.parent), list(tree.behind(joint))
         self.joint, self.name, self.centre = joint, joint.name, joint.centre
-        self.swivel = next(
-            (j for j in above if j.swivels), None
-        )  # turns it about the vertical freely
+        # turns it about the vertical freely
+        self.swivel = next((j for j in above if j.swivels), None)
         self.steering = next((j for j in above if j.steers and not _suspends(j)), None)
         self.turning = self.swivel or self.steering
         # joints between it and the base with little travel

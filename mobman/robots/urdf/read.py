@@ -177,10 +177,8 @@ def urdf_file(source: UrdfSource, folder: Path, field: str) -> UrdfFile:
             raise SpecError(f"{field}.path': {source.path!r} leads outside {source.package}")
         packages += [share]
     if not os.path.exists(path):
-        moved = ", which was there when the description was written: it was moved or removed"
-        raise SpecError(
-            f"{field}.path': there is no URDF at {path}{moved if source.sha256 else ''}"
-        )
+        gone = ", which was there when the description was written: it was moved or removed"
+        raise SpecError(f"{field}.path': there is no URDF at {path}{gone if source.sha256 else ''}")
     file = UrdfFile(path, tuple(packages), up=source.up)
     if source.sha256 not in (None, file.sha256()):
         warnings.warn(
