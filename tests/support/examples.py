@@ -180,7 +180,7 @@ def main() -> None:
     run.threading = view.threading = SimpleNamespace(Event=Interrupted)
     runner.Local = tune.Local = lambda *_: backends.Backend(ThreadPoolExecutor(1))
     files.drawn = files.printed = lambda *_, **options: b""
-    runner.Cluster = lambda _: backends.Cluster(_cluster())
+    runner.Cluster = lambda _, jobs: backends.Cluster(_cluster(), jobs)
     workers.start_ahead = lambda: None
     sys.argv[0] = "mobman"
     command()

@@ -61,6 +61,7 @@ class TwoSided(BodyFramePlatform):
         self.half_track = (given.half_track or half_track) * factor
         R, W, a = self.radius, self.half_track, self.offset
         joints = joints_of([*right, *left])
+        self.signs = tuple(place.sign for place in (*right, *left))
         w = len(joints)
         A_b, N_b, B_b = np.zeros((1 + w, 3 + w)), np.zeros((3 + w, 2)), np.zeros((3 + w, 2))
         A_b[0, :3] = 0.0, -1.0, a  # no lateral slip; below it no longitudinal slip of each wheel
