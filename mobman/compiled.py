@@ -123,7 +123,7 @@ def _machine_code(function: Any, arguments: tuple[Any, ...]) -> Callable[[], Any
 
 
 def _compiled_for(function: Any, types: tuple[Any, ...]) -> Callable[..., Any]:
-    """What is behind the dispatcher, which would look at the arguments' types at every call."""
+    """The function behind the dispatcher, which would look at the arguments' types at every call."""
     if types not in function.overloads:
         file = Path(plain(function).__code__.co_filename)
         if unsafe() or f"{file.stem}.{function.__qualname__}" not in _kept():

@@ -147,7 +147,7 @@ class Swerve(Platform):
         )
 
     def found(self, site: Site, given: Any) -> Modules:
-        """What a description says of the platform's modules."""
+        """The platform's modules, by its description."""
         own = _spots(given.body) if given.body is not None else {}
         axes, places = located(site, own, own)
         if len(axes) < 2:

@@ -37,7 +37,7 @@ class JointPlace(NamedTuple):
 
     @property
     def forward(self) -> complex:
-        """Where a positive rate rolls a wheel: the axis times the vertical, of length 1."""
+        """Direction in which a positive rate rolls a wheel: the axis times the vertical, of length 1."""
         rolls = complex(self.axis[1], -self.axis[0])
         return rolls / abs(rolls)
 
