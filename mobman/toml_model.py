@@ -109,6 +109,8 @@ def _clauses(model: type[BaseModel], error: ValidationError) -> dict[str, Place]
         loc = [part for part in item["loc"] if not _BRANCH.fullmatch(str(part))]
         field = ".".join(map(str, loc))
         message = item["msg"].removeprefix("Value error, ")
+        if item["type"] == "model_type":  # not by the name of a class, which no file has
+            message = "must be a table"
         if not loc and item["type"] == "value_error":  # of several fields together
             clause = message
         elif item["type"] == "extra_forbidden":

@@ -172,6 +172,7 @@ def test_every_error_is_told_at_once():
         ("sensors", {"type": "quantisation"}, "'resolution' is missing"),
         ("slip", {"type": "longitudinal", "ratio": 1.0}, "less than 1"),
         ("slip", {"type": "lateral"}, "at least one of 'angle' or 'velocity'"),
+        ("slip", "lateral", "'slip.0' is 'lateral': must be a table$"),
     ],
 )
 def test_nonsense_is_refused(group, piece, named):
