@@ -85,7 +85,8 @@ class NullSpaceSlidingMode(TerminalSlidingMode):
         self.values |= {"omega": base_metric(robot), "g": g, "y": np.zeros(nz), "seen": np.zeros(p)}
         self.values |= {"J_omega": np.zeros((p, nz)), "lower": np.zeros((p, p))}
         k_0 = self.values["k_0"] * unit_stiffness(robot, self.criterion)
-        return [gradient, self.entry(null_space_stage, k_0=k_0)]
+        C = self._space.now.C  # the gain C is the dynamic stage's
+        return [gradient, self.entry(null_space_stage, k_0=k_0, C=C)]
 
 
 @kernel

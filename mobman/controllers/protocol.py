@@ -17,7 +17,7 @@ from mobman.compiled import bind
 from mobman.controllers.gains import as_settings
 from mobman.controllers.task_errors import Entry, Stop, TaskSpace
 from mobman.display import Displayed, Shown, line_of
-from mobman.errors import UnknownNameError, UsageError
+from mobman.errors import GainError, UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.registry import Registry
 from mobman.tasks.task import Task
@@ -217,15 +217,22 @@ class TaskSpaceLaw(Displayed):
         self.values = {**numbers, **vars(space.now), "at": space.tracking, "J": space.J, "dt": dt}
         own = {"measured": self._measured, "force": np.zeros(nz), "work": np.zeros((nz, nz))}
         self.values |= own
+        self._hidden = {k for k in numbers if self.values[k] is not numbers[k]}
 
     def entry(self, function: Callable[..., Any], **own: Any) -> Entry:
         """A kernel with its arguments, which are found by their names, first in ``own``.
 
         Raises:
             UnknownNameError: If there is nothing of such a name.
+            GainError: If a gain has the name of another quantity of the tick.
         """
         values = self.values | own
         for name in _parameters(function):
+            if name in self._hidden - own.keys():
+                raise GainError(
+                    f"{name} is a gain of {self.name!r} and a quantity of every tick, and the kernel "
+                    f"{function.__name__!r} has an argument of that name; give the gain another name"
+                )
             if name not in values:
                 what = f"argument of the kernel {function.__name__!r}:"
                 raise UnknownNameError(what, name, {key for key in values if key[0] != "_"})

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from support.states import random_states
 from support.task_errors import errors_at
 
 import mobman as mm
-from mobman.controllers.baselines import ExtendedJacobianControl, computed_torque
+from mobman.controllers.baselines import (
+    ExtendedJacobianControl,
+    TrackingGains,
+    computed_torque,
+)
+from mobman.controllers.gains import Positive, gain
 from mobman.controllers.task_errors import TaskSpace
-from mobman.errors import SingularityError, UnknownNameError
+from mobman.errors import GainError, SingularityError, UnknownNameError
 from mobman.model.criterion import Posture
 from mobman.simulation.plant import Plant
 
@@ -148,4 +155,16 @@ def test_argument_that_nothing_has_the_name_of(youbot):
     law = ExtendedJacobianControl(ExtendedJacobianControl.Gains())
     law.kernels = (push,)
     with pytest.raises(UnknownNameError, match=r"kernel 'push'.*'gravity'.*valid names: .*bias"):
+        law.reset(youbot, mm.make_task("circle", youbot), 1e-3)
+
+
+def test_gain_of_the_name_of_another_quantity(youbot):
+    """A kernel that asks for M must not be given the inertia in the place of a gain."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Gains(TrackingGains):
+        M: Positive = gain(1.0, "kg", "a mass")
+
+    law = ExtendedJacobianControl(Gains())
+    with pytest.raises(GainError, match=r"M is a gain of 'extended-jacobian'.*'computed_torque'"):
         law.reset(youbot, mm.make_task("circle", youbot), 1e-3)
