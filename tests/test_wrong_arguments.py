@@ -119,3 +119,14 @@ def test_methods_of_records_and_views_say_what_they_expect(record):
         for size in ("big", (3,), (3, 4), (640, 480.5), (640, 9000), 640):
             refused(lambda s=size: view.save("x.png", size=s), "size = ", "16x16 to 8192x8192")
         refused(lambda: view.save("x.png", scale="2"), "scale = '2': must be a number above 0")
+
+
+@pytest.mark.parametrize("monitor", ["yes", 1, None], ids=repr)
+def test_monitor_is_a_truth_value(monitor):
+    given = {"duration": 0.01, "monitor": monitor}
+    refused(lambda: mm.simulate("youbot", "tsm", "paper", **given), "monitor = ", "True or False")
+
+
+def test_gains_that_are_arrays_are_shown():
+    law = mm.make_controller("tsm", K_F=np.ones(2))
+    assert repr(law) == "TerminalSlidingMode('tsm', K_F=array([1., 1.]))"

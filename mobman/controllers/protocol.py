@@ -267,7 +267,8 @@ class TaskSpaceLaw(Displayed):
         fields = dataclasses.fields(self.gains)
         values = {field.name: getattr(self.gains, field.name) for field in fields}
         defaults = type(self.gains)()
-        given = {name: v for name, v in values.items() if v != getattr(defaults, name)}
+        usual = {name for name, v in values.items() if np.array_equal(v, getattr(defaults, name))}
+        given = {name: v for name, v in values.items() if name not in usual}
         return Shown(line_of(type(self).__name__, self.name, given), values)
 
 

@@ -95,6 +95,8 @@ def simulate(
             f"{law!r} is not a controller: expected methods reset(robot, task, dt) and "
             "step(t, q, z, z_dot) -> torque"
         )
+    if not isinstance(monitor, (bool, np.bool_)):
+        raise UsageError(f"monitor = {monitor!r}: must be True or False")
     if monitor:
         require_monitored(law)
     duration, dt = seconds("duration", duration), seconds("dt", dt)
@@ -112,7 +114,7 @@ def simulate(
     if not isinstance(scenario, Scenario):
         scenario = load_scenario("nominal" if scenario is None else scenario)
     start = scenario.start_of(robot) if q0 is None else given
-    numbers: dict[str, Any] = {"q0": start, "dt": dt, "seed": int(seed), "monitor": monitor}
+    numbers: dict[str, Any] = {"q0": start, "dt": dt, "seed": int(seed), "monitor": bool(monitor)}
     with worth_joining(ticks >= _MANY_TICKS):
         watching: dict[str, Any] = {"progress": progress, "observe": observe, "stride": stride}
         loop = Loop(robot, law, aim, scenario, plant, ticks=ticks, **watching, **numbers)
