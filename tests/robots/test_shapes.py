@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import mobman as mm
 from mobman.robots.urdf.meshes import MeshReader
 from mobman.robots.urdf.shapes import bounds, extents, placement, read_shapes
 
@@ -179,3 +180,15 @@ def test_mesh_that_cannot_be_read_says_why(tmp_path, content):
     assert str(path) in reader.unreadable[path]
     path.unlink()
     assert reader.vertices(path) is None
+
+
+def test_axis_without_a_direction_is_refused(tmp_path):
+    """Pinocchio takes it for zero, so that no wheel is beside another, or itself."""
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    link = f'<link name="a"><inertial><mass value="1"/>{inertia}</inertial></link><link name="b"/>'
+    joint = (
+        '<joint name="wheel" type="continuous"><parent link="a"/><child link="b"/><axis/></joint>'
+    )
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{link}{joint}</robot>', encoding="utf-8")
+    with pytest.raises(mm.MobmanError, match="'wheel': <axis> xyz is 'missing'"):
+        mm.load_robot(tmp_path / "r.urdf")

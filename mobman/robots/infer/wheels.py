@@ -120,7 +120,7 @@ def pairs_of(wheels: Sequence[Rolling]) -> list[tuple[Rolling, Rolling]]:
     pairs, rest = list[tuple[Rolling, Rolling]](), list(wheels)
     while rest:
         first = rest[0]
-        axle = [wheel for wheel in rest if first.beside(wheel)]
+        axle = [first, *(wheel for wheel in rest[1:] if first.beside(wheel))]
         rest = [wheel for wheel in rest if wheel not in axle]
         axle.sort(key=lambda wheel: float(wheel.centre[:2] @ first.across))
         pairs += [(axle[0], axle[-1])] if len(axle) >= 2 else []

@@ -248,8 +248,8 @@ class Validation:
             return
         axis, mimic, limit = joint.find("axis"), joint.find("mimic"), joint.find("limit")
         self._check_numbers(axis, owner)
-        xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-        if axis is not None and numbers(xyz) == [0.0] * 3:
+        xyz = "1 0 0" if axis is None else axis.get("xyz", "missing")
+        if axis is not None and (xyz == "missing" or numbers(xyz) == [0.0] * 3):
             allowed = "which is not a direction; allowed: a vector that is not 0"
             self._add(axis, f"{owner}: <axis> xyz is {_shown(xyz)}, {allowed}")
         self._check_numbers(limit, owner)
