@@ -48,6 +48,12 @@ def test_a_robot_needs_no_files_or_figures():
     )
 
 
+def test_a_closed_loop_needs_no_statistics():
+    code = "import mobman as mm; mm.load_robot, mm.make_controller, mm.simulate"
+    absent = "assert not {'scipy.stats', 'scipy.optimize'} & {*sys.modules}"
+    assert "scipy" in _loaded(f"{code}; mm.make_controller('tsm'); {absent}")
+
+
 def test_the_check_sees_what_is_loaded():
     """So that a test of this kind cannot pass by looking at nothing."""
     assert {"numpy", "numba"} <= _loaded("import mobman.compiled")

@@ -23,8 +23,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, linprog, minimize
-from scipy.stats import beta
 
 from mobman.arrays import Array
 from mobman.controllers.gains import CriterionGains
@@ -262,6 +260,8 @@ def _norm(matrix: Array) -> float:
 def _exceeded(parameters: int, samples: int) -> float:
     """Share of the states that may lie beyond a bound of so many parameters which covers so many
     independent samples (Campi and Garatti, SIAM J. Optimization 19(3), 2008, theorem 1)."""
+    from scipy.stats import beta  # with the next a third of a second, and no run needs them
+
     return float(beta.ppf(CONFIDENCE, parameters, samples - parameters + 1))
 
 
@@ -354,6 +354,8 @@ class _Region:
                 best = (q, value)
             return -sign * value / scale
 
+        from scipy.optimize import Bounds, minimize
+
         direction = z_start[:0] if still else z_start
         lower = np.concatenate([self.lower[self.free], np.full(len(direction), -1.0)])
         upper = np.concatenate([self.upper[self.free], np.full(len(direction), 1.0)])
@@ -421,6 +423,8 @@ def _line(
         points.append(region.search(J.size, 1.0, start, still=True))
     rows = np.array([(1.0, np.linalg.norm(q - robot.q_rest)) for q, _ in points])
     norms = [norm for _, norm in points]
+    from scipy.optimize import linprog
+
     found = linprog(rows.mean(axis=0), A_ub=-rows, b_ub=-np.array(norms), bounds=[(0.0, None)] * 2)
     w_1, w_2 = (1.0 + MARGIN) * np.asarray(found.x, dtype=float)
     return float(w_1), float(w_2)

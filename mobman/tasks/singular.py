@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from mobman.arrays import Array
 from mobman.errors import SingularityError, UsageError
@@ -322,6 +321,8 @@ class _Climb:
         near = float(max(angles, key=height))
         step = (high - low) / (_ANGLES - 1)
         bounds = (max(low, near - step), min(high, near + step))
+        from scipy.optimize import minimize_scalar  # a tenth of a second, and few tasks need it
+
         return float(minimize_scalar(lambda angle: -height(angle), bounds=bounds).x)
 
 
