@@ -96,7 +96,10 @@ def _long_signatures(
     _app: Any, what: str, _name: str, _object: Any, _options: Any, given: str, returned: str
 ) -> tuple[str, str] | None:
     """A record is not made by hand: the arguments of such a class are its attributes."""
-    return ("", returned) if what == "class" and given and given.count(",") > 12 else None
+    if what == "class" and given and given.count(",") > 12:
+        return "", returned
+    named = re.compile(r"TypeAliasForwardRef\('(\w+)'\)")  # as an alias in a union is shown
+    return tuple(named.sub(r"\1", one) if one else one for one in (given, returned))
 
 
 def setup(app: Any) -> None:

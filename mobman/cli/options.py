@@ -42,7 +42,7 @@ def reports(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def level(context: click.Context | None = None) -> int:
-    """How much a command is to print: -1 errors alone, 0 as usual, 1 more."""
+    """Amount that a command prints: -1 errors alone, 0 as usual, 1 more."""
     context = context or click.get_current_context(silent=True)
     found: int = 0 if context is None else context.meta.get(_LEVEL, 0)
     return found

@@ -99,7 +99,7 @@ class TaskSpace:
             self.f, self.J, self.J_dot_z = extended.f, extended.J, extended.J_dot_z
             update = extended.update
         self._steps = [
-            sequence(now.velocity),
+            now.velocity,
             now.run_jacobians,
             sequence(task_entry(task, self._t, given)),
             update,

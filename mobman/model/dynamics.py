@@ -107,7 +107,7 @@ class Buffers:
         return Motion(*(mine[name] for name in Motion._fields))
 
     @cached_property
-    def velocity(self) -> Callable[[], object]:
+    def velocity(self) -> Callable[[], int]:
         """Fills x, alpha, N, x_dot, N_rate, B'', C, q_dot and C_dot_z, from q and z."""
         own, motors = self._robot.platform.equations, self._robot.motors.equations
         at = self._motion
@@ -118,7 +118,6 @@ class Buffers:
             bind(own.velocity_map_rate, own.parameters, at.x, at.x_dot, at.N_rate),
             bind(motors.actuation, motors.parameters, at.x, at.platform_B),
             bind(assemble_velocity, at),
-            join=False,
         )
 
     @cached_property

@@ -173,10 +173,6 @@ class ExtendedJacobian:
         rest = bind(rates, self._at, self._own)
         return sequence(now.constraints, now.tip_kinematics, self.coordinates, rest)
 
-    @cached_property
-    def _velocity(self) -> Callable[[], int]:
-        return sequence(self.buffers.velocity)
-
     def auxiliary(self) -> None:
         """Fill f and the complement, after the buffers' ``constraints`` and ``tip_kinematics``.
 
@@ -211,7 +207,7 @@ class ExtendedJacobian:
         now = self.buffers
         now.q[:] = q
         now.z[:] = z
-        self._velocity()
+        now.velocity()
         now.run_jacobians()
         self.update()
 

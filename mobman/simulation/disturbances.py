@@ -187,7 +187,8 @@ class FrictionLevel(Amplitude):
     torque: _Brake | None = None
     """N m, N."""
     acceleration: _Brake | None = None
-    """rad/s^2, m/s^2: the torque is what gives each motor's axis this acceleration at rest."""
+    """rad/s^2, m/s^2: the torque is what gives each motor's axis this acceleration at rest, so that
+    a scenario means the same to a light wrist and to a heavy base."""
 
 
 @frictions.register("coulomb")

@@ -237,7 +237,11 @@ class Loop:
             tick_now[0] = tick
             run_all()
             disturb(t)
-            if status := look():
+            try:
+                status = look()
+            except SingularityError:  # of a criterion in Python
+                status = SINGULAR
+            if status:
                 if status == NOT_DEFINITE:
                     require_success(status)
                 if status not in (SINGULAR, GAUGE_LOST):

@@ -265,8 +265,9 @@ class Scenario(Displayed, Strict):
         stages = self._started("actuation", setting)
         return ActuationChain(stages, setting.dt, setting.robot.nz) if stages else None
 
-    def measurement(self, setting: Setting, true: MobileManipulator) -> Measure:
-        """The measurement that the controller is given, of the true robot."""
+    def measurement(self, setting: Setting, true: MobileManipulator | None = None) -> Measure:
+        """The measurement that the controller is given, of the true robot; by default the nominal."""
+        true = setting.robot if true is None else true
         (estimate,), errors = (
             self._started("acceleration", setting),
             self._started("sensors", setting),

@@ -9,6 +9,7 @@ from support.variants import description
 import mobman as mm
 from mobman.checks.checks import run_checks
 from mobman.controllers.gains import CriterionGains
+from mobman.errors import SingularityError
 from mobman.model.extended_jacobian import extended_kinematics
 from mobman.model.task_map import TaskMap
 from mobman.simulation.singularity import nearest_limit, predict_singularity
@@ -133,3 +134,41 @@ def test_check_tells_of_a_fold_on_the_default_task():
     assert finding.status == "warning"
     assert "become singular at t = " in finding.found
     assert "[criterion]" in finding.fix
+
+
+class _Rests:
+    """A law that does nothing, with a criterion whose derivatives end on the way."""
+
+    def __init__(self, calls):
+        self.left = calls
+        self.criterion = self
+
+    def reset(self, robot, task, dt):
+        self.rests = np.zeros(robot.nz)
+        self.weights = np.ones(robot.nq)
+
+    def step(self, t, q, z, z_dot):
+        return self.rests
+
+    def value(self, q):
+        return 0.0
+
+    def gradient(self, q):
+        self.left -= 1
+        if self.left < 0:
+            raise SingularityError("the criterion ends here", "J")
+        return np.zeros_like(q)
+
+    def hessian(self, q):
+        return np.eye(len(q))
+
+    def hessian_rate(self, q, q_dot):
+        return np.zeros((len(q), len(q)))
+
+
+def test_criterion_that_ends_takes_its_error_along_and_nothing_else():
+    record = mm.simulate("youbot", _Rests(5), "circle", duration=0.02)
+    assert record.status == "ok"
+    known = np.isfinite(record.auxiliary_error).all(axis=1)
+    assert known[:3].all()
+    assert not known[6:].any()
