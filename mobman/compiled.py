@@ -165,7 +165,7 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     if not is_compiled(function):
         return partial(function, *arguments)
     dispatcher: Any = function
-    names = _signature(function).parameters
+    names = signature(function).parameters
     if len(names) != len(arguments):
         raise TypeError(
             f"kernel {function.__name__!r} takes {len(names)} arguments; given: {len(arguments)}"
@@ -190,7 +190,7 @@ def _of_mobman(function: Callable[..., Any]) -> bool:
     return PACKAGE in Path(plain(function).__code__.co_filename).parents
 
 
-_signature = cache(inspect.signature)  # 20 us, of some hundred functions a run
+signature = cache(inspect.signature)  # 20 us, of some hundred functions a run
 
 
 def _fits(argument: Any) -> bool:
@@ -313,7 +313,7 @@ def _kernel_of(calls: tuple[tuple[Any, Any], ...], places: tuple[int, ...]) -> A
 
     for function, (_, *kinds) in calls:
         line = f"{named(function)}({', '.join(map(text, kinds))})"
-        if _signature(function).return_annotation == "None":
+        if signature(function).return_annotation == "None":
             lines += [line]
         else:
             lines += [f"status = {line}", "if status != 0:", "    return status"]
@@ -365,8 +365,8 @@ def _views() -> dict[str, Any]:
         _tensor: "float64[:, :, ::1](voidptr, int64, int64, int64)",
     }
     return {
-        view.__name__: _njit(view, signature, cache=not unsafe(), **options)
-        for view, signature in signatures.items()
+        view.__name__: _njit(view, types, cache=not unsafe(), **options)
+        for view, types in signatures.items()
     }
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import inspect
 import math
 from collections.abc import Callable, Mapping
 from numbers import Real
@@ -13,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from mobman.arrays import Array
-from mobman.compiled import bind
+from mobman.compiled import bind, signature
 from mobman.controllers.gains import as_settings
 from mobman.controllers.task_errors import Entry, Stop, TaskSpace
 from mobman.display import Displayed, Shown, line_of
@@ -227,7 +226,7 @@ class TaskSpaceLaw(Displayed):
             GainError: If a gain has the name of another quantity of the tick.
         """
         values = self.values | own
-        for name in _parameters(function):
+        for name in signature(function).parameters:
             if name in self._hidden - own.keys():
                 raise GainError(
                     f"{name} is a gain of {self.name!r} and a quantity of every tick, and the kernel "
@@ -236,7 +235,7 @@ class TaskSpaceLaw(Displayed):
             if name not in values:
                 what = f"argument of the kernel {function.__name__!r}:"
                 raise UnknownNameError(what, name, {key for key in values if key[0] != "_"})
-        return bind(function, *(values[name] for name in _parameters(function)))
+        return bind(function, *(values[name] for name in signature(function).parameters))
 
     def step(self, t: float, q: Array, z: Array, z_dot: Array) -> Array:
         """The torque v for the tick, shape (nz,); see :class:`Controller`."""
@@ -270,8 +269,3 @@ class TaskSpaceLaw(Displayed):
         usual = {name for name, v in values.items() if np.array_equal(v, getattr(defaults, name))}
         given = {name: v for name, v in values.items() if name not in usual}
         return Shown(line_of(type(self).__name__, self.name, given), values)
-
-
-@functools.cache
-def _parameters(function: Callable[..., Any]) -> tuple[str, ...]:
-    return tuple(inspect.signature(function).parameters)
