@@ -115,7 +115,13 @@ def make_platform(
     and ``track`` is a factor of their distances. SpecError if a field is wrong."""
     still = _parse(spec, flat_urdf(deepcopy(assembly.robot), spec.where, base_joints=()))
     site = Site(parameters, still, spec.where, spec.folder, track)
-    return platform_type(spec).build(site)
+    platform = platform_type(spec).build(site)
+    for i, name in enumerate(platform.coordinates):
+        if name in platform.coordinates[:i]:
+            raise SpecError(
+                f"{spec.where}: [platform]: joint {name!r} is there twice; allowed: once"
+            )
+    return platform
 
 
 def load_geometry(robot: MobileManipulator) -> Geometry:

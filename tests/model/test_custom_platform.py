@@ -88,6 +88,22 @@ class WrongHeading(Paper):
     heading = "north"
 
 
+class EndlessHeading(Paper):
+    heading = float("nan")
+
+
+class JointTwice(Paper):
+    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "phi_1")
+
+
+class NoJoint(Paper):
+    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "universe")
+
+
+class NamesOfNumbers(Paper):
+    velocity_names = (1, 2)
+
+
 class WheelsWithoutRadius(Paper):
     wheels = [("phi_1",)]
 
@@ -254,6 +270,11 @@ def test_definition_may_be_a_dataclass(folder, monkeypatch):
         ("own.py:WrongHeading", "heading"),
         ("own.py:WheelsWithoutRadius", "wheels"),
         ("own.py:WheelsElsewhere", "phi_9"),
+        ("own.py:EndlessHeading", "heading nan; needed: .* a finite angle"),
+        ("own.py:JointTwice", r"joint 'phi_1' is there twice"),
+        ("own.py:NoJoint", "'universe' is no movable joint"),
+        ("own.py:NamesOfNumbers", r"velocity_names are \(1, 2\); needed: different names"),
+        ("a\0b.py:Paper", "there is no file"),
         ("leaves.py:Paper", "SystemExit"),
         ("own.py:LeavesWhenCalled", r"calling it failed: SystemExit\(3\)"),
         ("own.py:LeavesInAProperty", r"reading its attributes failed: SystemExit\(3\)"),

@@ -5,17 +5,25 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field, PositiveFloat
+from pydantic import AfterValidator, Field, PositiveFloat
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
 from mobman.robots.urdf.compose import add_inertial, add_joint, text_of
 from mobman.toml_model import Strict
 
+
+def _of_a_turn(value: float) -> float:
+    if abs(value) > math.tau:
+        raise ValueError("must be an angle in rad, from -2 pi to 2 pi")
+    return value
+
+
+Angle = Annotated[float, AfterValidator(_of_a_turn)]  # rad; larger ones are degrees by mistake
 BASE_LINK, DECK = "platform", "deck"
 _GREY, _DARK = "0.55 0.58 0.62 1", "0.15 0.15 0.16 1"
 
@@ -53,7 +61,7 @@ class SpreadBody(WheeledBody):
     half_track: float | None = Field(None, gt=0)
     """On a rectangle: half the distance of the right and the left ones (m)."""
     circle: float | None = Field(None, gt=0)  # on a circle: its radius (m)
-    angles: list[float] = []  # where on the circle they are, from forward, anticlockwise (rad)
+    angles: list[Angle] = []  # where on the circle they are, from forward, anticlockwise (rad)
 
     def spots(self, origin: str, on_circle: bool, why: str) -> dict[str, tuple[float, float]]:
         """Places of the wheels ahead and to the left (m), by name; ``why`` fields are needed is said if

@@ -101,11 +101,12 @@ class Custom(Platform):
             raise
         except FOREIGN_ERRORS as error:
             raise SpecError(f"{where}: {step} failed: {error!r}") from error
+        movable = list(site.tree.names)[1:]
         for name in self.coordinates[3:]:
-            if not site.tree.existJointName(name):
+            if name not in movable:
                 raise SpecError(
                     f"{where}: its coordinate {name!r} is no movable joint; there are: "
-                    f"{', '.join(list(site.tree.names)[1:])}"
+                    f"{', '.join(movable)}"
                 )
         self._check(where)
 
@@ -133,14 +134,20 @@ class Custom(Platform):
                 f"{where}: root_offset is to be 3 numbers (m), heading a number (rad), wheels pairs of "
                 f"a joint and a radius (m): {error}"
             ) from error
-        if offset.shape != (3,) or not np.all(np.isfinite(offset)):
-            raise SpecError(f"{where}: root_offset is {offset}; needed: 3 numbers (m)")
+        if offset.shape != (3,) or not np.all(np.isfinite([*offset, heading])):
+            raise SpecError(
+                f"{where}: root_offset is {offset} and heading {heading}; needed: 3 finite numbers (m) "
+                "and a finite angle (rad)"
+            )
         for wheel in wheels:
             if wheel.joint not in coordinates or not 0.0 < wheel.radius < np.inf:
                 raise SpecError(
                     f"{where}: wheels has {tuple(wheel)}; needed: one of its coordinates, and a radius "
                     "above 0 (m)"
                 )
+        names = tuple(definition.velocity_names)
+        if not all(isinstance(name, str) for name in names) or len(set(names)) < len(names):
+            raise SpecError(f"{where}: its velocity_names are {names}; needed: different names")
         equations = Equations(
             np.zeros(0),
             partial(self._fill, "velocity_map"),
@@ -149,7 +156,6 @@ class Custom(Platform):
             partial(self._fill, "constraint_derivative_rate"),
             partial(self._fill, "actuation"),
         )
-        names = definition.velocity_names
         super().__init__(coordinates[3:], names, equations, offset, heading, wheels)
 
     def _value(self, name: str, *arguments: Array) -> Array:
@@ -251,11 +257,13 @@ def load_code(definition: str, folder: Path, where: str) -> Any:
     """Import what a definition of the user names, ``"file.py:NAME"``, relative to a folder, or
     ``"package.module:NAME"``; SpecError, in which it is called ``where``, if it cannot be imported."""
     module_name, _, name = definition.rpartition(":")
-    path = (folder / module_name).resolve() if module_name.endswith(".py") else None
+    path = folder / module_name if module_name.endswith(".py") else None
     if path is not None and not path.is_file():
         raise SpecError(f"{where}: there is no file {path}")
     try:
-        module = importlib.import_module(module_name) if path is None else _import_file(path)
+        module = (
+            importlib.import_module(module_name) if path is None else _import_file(path.resolve())
+        )
         found = getattr(module, name, None)
     except FOREIGN_ERRORS as error:
         raise SpecError(f"{where}: importing it failed: {error!r}") from error

@@ -10,7 +10,7 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.model.platforms.body import SpreadBody, WheelPart
+from mobman.model.platforms.body import Angle, SpreadBody, WheelPart
 from mobman.model.platforms.body_frame import BodyFramePlatform
 from mobman.model.platforms.platform import Wheel, WheeledFields, platforms
 from mobman.model.platforms.wheels import AXIS_TOLERANCE, LENGTH_TOLERANCE, Site, joints_of
@@ -23,7 +23,7 @@ class OmnidirectionalParameters(WheeledFields):
 
     kind: Literal["mecanum", "omni"]  # rollers at 45 degrees to the wheel's axis, or across it
     wheels: list[str] = []  # URDF joints of the wheels, three or more
-    roller_angles: list[float] | None = None
+    roller_angles: list[Angle] | None = None
     """For each wheel, the axis of the roller that touches the ground, seen from above and from the
     wheel's forward direction, anticlockwise (rad). By default 0 for omni wheels; for mecanum wheels
     -pi/4 front left and rear right, pi/4 front right and rear left."""
@@ -52,14 +52,23 @@ class Omnidirectional(BodyFramePlatform):
         own = _spots(given, site.origin)
         places = site.rolling(*(f"wheel_{name}" for name in own))
         names = joints_of(places)
-        if len(set(names)) < max(3, len(names)):
-            raise site.fault("wheels", f" is {names}; allowed: three or more different joints")
+        if len(set(names)) < 3:
+            field = "wheels" if given.wheels else "body.angles"
+            raise site.fault(
+                field, f" gives {', '.join(names)}; allowed: three or more different joints"
+            )
         centre = np.mean([place.centre for place in places], axis=0)
         positions = np.array([place.centre[:2] - centre[:2] for place in places])
         axes = np.array([place.axis for place in places])
         forward = np.column_stack([axes[:, 1], -axes[:, 0]])  # axis x z
         angles = _roller_angles(site, given, positions, forward)
         c, s = np.cos(angles), np.sin(angles)
+        if np.any(np.abs(c) < _SINGULAR):
+            raise site.fault(
+                "roller_angles",
+                f" is {given.roller_angles}; allowed: rollers that a wheel moves by turning, none at a "
+                "right angle to its forward direction",
+            )
         # a positive rate rolls a wheel ahead, or to the left where that is neither, or else backward
         ahead = np.where(np.abs(forward[:, 0]) > AXIS_TOLERANCE, forward[:, 0], forward[:, 1]) > 0.0
         x, y = (np.where(ahead, 1.0, -1.0)[:, None] * forward).T
@@ -69,7 +78,8 @@ class Omnidirectional(BodyFramePlatform):
         if singular[-1] < _SINGULAR * singular[0]:
             raise SpecError(
                 f"{site.origin}: [platform]: these wheels and rollers leave a direction of motion free; "
-                "check fields 'platform.wheels', 'platform.kind' and 'platform.roller_angles'"
+                "check fields 'platform.wheels' (or 'platform.body'), 'platform.kind' and "
+                "'platform.roller_angles'"
             )
         self.radius = R = given.wheel_radius
         along = np.einsum("ij,ij->i", rollers, forward)

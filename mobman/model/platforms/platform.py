@@ -13,7 +13,7 @@ from mobman.arrays import Array, Index, Matrix, Tensor, Vector
 from mobman.compiled import kernel, plain
 from mobman.errors import SpecError
 from mobman.linalg import dot
-from mobman.model.platforms.body import Knuckle, WheelPart, body_urdf
+from mobman.model.platforms.body import Angle, Knuckle, WheelPart, body_urdf
 from mobman.model.platforms.wheels import Site
 from mobman.registry import Registry
 from mobman.robots.urdf.compose import BASE_JOINTS
@@ -23,7 +23,7 @@ from mobman.toml_model import Strict, validate
 class Fields(Strict):
     """The fields of ``[platform]`` that most types have."""
 
-    heading: float = 0.0
+    heading: Angle = 0.0
     """Direction of forward in the root link's frame, about z from its x axis (rad)."""
 
 

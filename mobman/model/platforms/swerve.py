@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -151,9 +152,9 @@ class Swerve(Platform):
         own = _spots(given.body) if given.body is not None else {}
         axes, places = located(site, own, own)
         if len(axes) < 2:
-            raise site.fault(
-                "steering", f" is {joints_of(axes)}; allowed: two or more different joints"
-            )
+            field = "steering" if given.steering else "body.angles"
+            names = ", ".join(joints_of(axes))
+            raise site.fault(field, f" gives {names}; allowed: two or more different joints")
         middle = complex(np.mean([place.at for place in axes]))
         return Modules(middle, *modules_of(site, axes, places, middle), places)
 
@@ -201,16 +202,12 @@ def located(
     site: Site, steering: Iterable[str], wheels: Iterable[str]
 ) -> tuple[list[JointPlace], list[JointPlace]]:
     """Locate steering joints and wheels, which on a platform by its numbers are called after places;
-    SpecError if one is there twice, or not where it can steer or roll."""
+    SpecError if one is not where it can steer or roll, or two axes are at one place."""
     axes = site.steering("steering", *(f"steering_{name}" for name in steering))
     places = site.rolling(*(f"wheel_{name}" for name in wheels))
-    for field, found in (("steering", axes), ("wheels", places)):
-        names = joints_of(found)
-        if len(set(names)) < len(names):
-            raise site.fault(field, f" is {names}; one is there twice")
-    rho = np.array([place.at for place in axes])
-    if np.min(np.abs(rho[:, None] - rho + np.eye(len(rho)))) < LENGTH_TOLERANCE:
-        raise site.fault("steering", ": two axes are at one place")
+    for one, other in combinations(axes, 2):
+        if abs(one.at - other.at) < LENGTH_TOLERANCE:
+            raise site.fault("steering", f": {one.joint!r} and {other.joint!r} are at one place")
     return axes, places
 
 

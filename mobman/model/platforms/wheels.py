@@ -142,9 +142,10 @@ def joint_place(site: Site, name: str, field: str, heading: float) -> JointPlace
         SpecError: If there is no such movable joint.
     """
     tree = site.tree
-    if not tree.existJointName(name):
-        movable = ", ".join(n for n in list(tree.names)[1:] if n not in BASE_JOINTS) or "none"
-        raise site.fault(field, f": the URDF has no movable joint {name!r}; it has: {movable}")
+    movable = [n for n in list(tree.names)[1:] if n not in BASE_JOINTS]
+    if name not in movable:
+        has = ", ".join(movable) or "none"
+        raise site.fault(field, f": the URDF has no movable joint {name!r}; it has: {has}")
     data = tree.createData()
     pin.computeJointJacobians(tree, data, pin.neutral(tree))
     index = tree.getJointId(name)
