@@ -65,10 +65,14 @@ def _named(tree: Tree, options: Options) -> Drive:
         raise Undecided(
             f"--right-wheel names {len(right)} and --left-wheel {len(left)} wheels; give as many of each"
         )
+    for wheel in (*right, *left, *wheels):
+        if wheel.joint.prismatic or wheel.joint.vertical:
+            raise Undecided(f"{wheel.name!r} turns about no horizontal axis, as a wheel does")
+    if twice := set(options.right_wheels) & set(options.left_wheels):
+        raise Undecided(f"--right-wheel and --left-wheel both name {twice.pop()!r}")
+    types = " or ".join(name for name, fields in options.types.items() if "wheels" in fields)
     if wheels and right:
-        raise Undecided(
-            "--wheel is for omnidirectional and swerve platforms; leave out --right-wheel or --wheel"
-        )
+        raise Undecided(f"--wheel is for --platform {types}; leave out --right-wheel or --wheel")
     steering = _steering_joints(tree, [], options)
     count = "differential" if len(right) == 1 else "skid-steer"
     sliding = "swerve" if steering else "omnidirectional"
@@ -79,9 +83,7 @@ def _named(tree: Tree, options: Options) -> Drive:
     if "wheels" in fields:
         return _omnidirectional(kind, wheels or [*right, *left], "")
     if wheels:
-        raise Undecided(
-            f"--wheel is for --platform omnidirectional or swerve; {kind}: --right-wheel, --left-wheel"
-        )
+        raise Undecided(f"--wheel is for --platform {types}; {kind}: --right-wheel, --left-wheel")
     if {"right_wheel", "rear_right_wheel"} & set(fields) and len(right) != 1:
         raise Undecided(f"{kind}: give one --right-wheel and one --left-wheel")
     drive = Drive(Inferred(kind, _AS_ASKED), right, left, steering=steering)
@@ -103,6 +105,8 @@ def _joints(tree: Tree, names: Sequence[str], option: str, of: str = "; the URDF
         if (joint := tree.joint(name)) is None:
             has = names_of(tree.movable)
             raise Undecided(f"{option} {name!r} is no movable joint{of} has: {has}")
+        if joint in found:
+            raise Undecided(f"{option} names {name!r} twice")
         found.append(joint)
     return found
 
@@ -322,9 +326,8 @@ def _swerve(tree: Tree, name: str, wheels: list[Rolling], options: Options) -> D
     steering = _steering_joints(tree, [], options) or list(turning)
     if len(steering) < 2 or not wheels:
         raise Undecided(
-            f"a {name} platform has two steered modules or more; found "
-            f"{', '.join(w.name for w in wheels) or 'no wheels'} and {names_of(steering)}: name them by "
-            "--wheel and --steering (once for each)"
+            f"a {name} platform has two steered modules or more; found wheels: {names_of(wheels)}; "
+            f"steering joints: {names_of(steering)}: name them by --wheel and --steering (once for each)"
         )
     why = f"{len(steering)} joints about the vertical carry wheels beside their axes"
     return Drive(Inferred(name, why), wheels=wheels, steering=steering)

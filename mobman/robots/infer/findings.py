@@ -58,12 +58,13 @@ class Options:
             if not isinstance(value, tuple) or not all(isinstance(one, str) for one in value):
                 raise UsageError(f"{called.format(name)} is {value!r}; allowed: a name, or several")
         for name, least, what in (
-            ("heading", -math.inf, "angle (rad)"),
+            ("heading", -math.tau, "angle within a turn (rad)"),
             ("wheel_radius", 0.0, "length above 0 (m)"),
         ):
             value = getattr(self, name)
             number = isinstance(value, Real) and not isinstance(value, bool)
-            if value is not None and not (number and math.isfinite(value) and value > least):
+            most = -least or math.inf
+            if value is not None and not (number and least < value < most):
                 flag = called.format(name.replace("_", "-") if called != "{}" else name)
                 raise UsageError(f"{flag} is {value!r}; allowed: a finite {what}")
 

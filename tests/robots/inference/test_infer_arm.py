@@ -333,6 +333,9 @@ def test_a_levelled_wrist_keeps_its_tip(inferred):
     assert found.arm.tip.value == "tool0"
     assert [joint.name for joint in found.arm.joints] == [f"arm_{i}_joint" for i in (1, 2, 3)]
     assert found.following == ("level_joint",)
+    (doubt,) = inferred(robot, lock=("arm_3_joint",), tip="tool0").uncertain
+    assert "level_joint follows arm_3_joint by <mimic>" in doubt
+    assert "takes 4 rad of turning" in doubt
 
 
 def test_mimic_joints_beside_the_arm_take_nothing_of_it(inferred):

@@ -435,6 +435,14 @@ def test_wheels_may_be_named(inferred):
     assert locked(found, "do not drive") == {"front_right_wheel", "front_left_wheel"}
 
 
+_ONE = ("front_right_wheel",)
+_REAR = {"right_wheels": ("rear_right_wheel",), "left_wheels": ("rear_left_wheel",)}
+_BOTH = {
+    f"{side}_wheels": tuple(f"{end}_{side}_wheel" for end in ("front", "rear"))
+    for side in ("right", "left")
+}
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -446,6 +454,32 @@ def test_wheels_may_be_named(inferred):
         ({"wheels": ("front_right_wheel", "front_left_wheel")}, "three wheels or more"),
         ({"platform": "car-like"}, "--steering"),
         ({"platform": "differential"}, "name them by --right-wheel and --left-wheel"),
+        (
+            {"wheels": _ONE, **_REAR},
+            "--wheel is for --platform omnidirectional or swerve or multi-axle",
+        ),
+        ({"wheels": ("arm_2_joint",), "platform": "differential"}, "differential: --right-wheel"),
+        ({"wheels": _ONE * 2}, "--wheel names 'front_right_wheel' twice"),
+        ({"right_wheels": _ONE, "left_wheels": _ONE}, "both name 'front_right_wheel'"),
+        ({"wheels": ("arm_1_joint",)}, "'arm_1_joint' turns about no horizontal axis"),
+        ({"platform": "differential", **_BOTH}, "differential: give one --right-wheel"),
+        (
+            {"platform": "car-like", **_REAR},
+            "car-like: name --steering; candidates: front_right_wh",
+        ),
+        (
+            {"platform": "turret", **_REAR},
+            "no joint about the vertical carries both rear_right_wheel",
+        ),
+        (
+            {"platform": "turret", "right_wheels": (), "wheels": ()},
+            "two driven wheels; found front_",
+        ),
+        (
+            {"platform": "swerve", "wheels": _ONE},
+            "found wheels: front_right_wheel; steering joints: n",
+        ),
+        ({"steering": _ONE * 2, **_REAR}, "--steering names 'front_right_wheel' twice"),
         ({"lock": ("nothing_*",)}, "--lock 'nothing_\\*' matches no movable joint"),
         ({"lock": ("front_*",)}, "--lock matches the platform's own front_right_wheel"),
     ],
@@ -453,6 +487,46 @@ def test_wheels_may_be_named(inferred):
 def test_options_that_do_not_fit(inferred, options, message):
     with pytest.raises(Undecided, match=message):
         inferred(four_wheels().arm(), **options)
+
+
+@pytest.mark.parametrize(
+    ("build", "options", "message"),
+    [
+        (
+            differential,
+            {"platform": "turret"},
+            "no joint about the vertical carries a pair of driven",
+        ),
+        (Robot, {"platform": "skid-steer"}, "no pair of driven wheels was found"),
+        (lambda: single_file(), {}, r"joints that may be wheels: ahead, behind\)"),
+        (
+            lambda: differential().arm(length=4.5),
+            {},
+            "would reach 18.15 m from a platform of 0.5 m",
+        ),
+    ],
+)
+def test_robots_that_do_not_fit(inferred, build, options, message):
+    robot = build()
+    with pytest.raises(Undecided, match=message):
+        inferred(
+            robot if robot.xml.find("link[@name='arm_1_link']") is not None else robot.arm(),
+            **options,
+        )
+
+
+def single_file():
+    return Robot().wheel("ahead", (0.3, 0, 0.1)).wheel("behind", (-0.3, 0, 0.1))
+
+
+def test_wheels_on_swivels_may_be_taken_as_mecanum_wheels(inferred):
+    robot = Robot()
+    for i, (x, y) in enumerate([(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)]):
+        robot.caster(f"module_{i}", (x, y, 0.1), radius=0.1)
+    found = inferred(robot.arm(), platform="omnidirectional")
+    assert len(found.fields["wheels"].value) == 4
+    (doubt,) = found.uncertain
+    assert "swivel the wheels; they are locked and the wheels taken as mecanum wheels" in doubt
 
 
 def test_a_radius_that_is_far_from_that_of_the_geometry_is_uncertain(inferred):

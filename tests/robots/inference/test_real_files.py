@@ -594,6 +594,7 @@ def test_absolute_meshes_are_no_fault_of_a_copy(mobman_robots, tmp_path):
         ({"wheel_radius": -1}, ["wheel_radius is -1", "above 0"]),
         ({"wheel_radius": math.nan}, ["wheel_radius is nan", "finite"]),
         ({"heading": "a"}, ["heading is 'a'", "angle"]),
+        ({"heading": 90}, ["heading is 90", "angle within a turn (rad)"]),
         ({"right_wheels": None}, ["right_wheels", "None", "a name"]),
         ({"wheels": [1]}, ["wheels is (1,)", "a name"]),
         ({"tip": 3}, ["tip is 3", "a name"]),
