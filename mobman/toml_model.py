@@ -118,7 +118,7 @@ def _clauses(model: type[BaseModel], error: ValidationError) -> dict[str, Place]
         elif item["type"] == "missing":
             clause = f"field {field!r} is missing"
         else:
-            found = repr(item["input"])
+            found = " ".join(repr(item["input"]).split())
             found = found if len(found) <= 60 else found[:57] + "..."
             clause = f"field {field or '(whole)'!r} is {found}: {message}"
         clauses.setdefault(clause, tuple(loc))

@@ -12,13 +12,14 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from mobman.arrays import SIZES, beyond_sizes
+from mobman.arrays import LARGEST, SIZES, beyond_sizes
 from mobman.errors import SpecError
 from mobman.files import read_input
 from mobman.hdf5 import own_dataset
@@ -85,14 +86,21 @@ def _checked_mapping(given: Mapping[str, Any]) -> Table:
     """Points that are given as such: as a file's columns."""
     columns = list(given.values())
     for name, column in given.items():
-        numbers = isinstance(column, (list, tuple)) and all(type(x) in (int, float) for x in column)
+        numbers = isinstance(column, (list, tuple, np.ndarray)) and all(map(_is_number, column))
         if not numbers or len(column) != len(columns[0]):
             raise SpecError(
                 f"column {name!r}: must be a list of numbers, as many as the other columns have"
             )
     rows = [f"point {number}" for number in range(len(columns[0]) if columns else 0)]
     values = [[float(x) for x in row] for row in zip(*columns, strict=True)]
-    return _checked("the points", "columns", list(given), rows, values)
+    return _checked("the points", "columns", list(map(str, given)), rows, values)
+
+
+def _is_number(x: Any) -> bool:
+    """True but for what is too large for a float: a whole number may be as large as one likes."""
+    if not isinstance(x, Real) or isinstance(x, bool):
+        return False
+    return not isinstance(x, int) or abs(x) <= LARGEST
 
 
 # CSV -----------------------------------------------------------------------------------------------

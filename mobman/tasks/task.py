@@ -227,7 +227,7 @@ def _problem(
         + "".join(f" (entry {part})" for part in fault["loc"] if isinstance(part, int))
         for fault in faults
     )
-    text, unit = repr(given[name]), allowed[name].unit
+    text, unit = " ".join(repr(given[name]).split()), allowed[name].unit
     text = text if len(text) <= 60 else text[:57] + "..."
     unit = f" ({unit})" if unit not in ("", "1") else ""
     return f"parameter {name!r}{unit} is {text}: {', '.join(reasons)}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.platforms import ARM, on
 
 import mobman as mm
 from mobman.errors import UsageError
@@ -155,3 +156,8 @@ def test_path_begins_and_ends_at_the_tip(fixed_robot):
 def test_where_there_is_none_it_says_so(youbot):
     with pytest.raises(UsageError, match=r"no algorithmic singularity .* within 0\.1 m"):
         make_task(ALGORITHMIC, youbot, farthest=0.1)
+    with pytest.raises(UsageError, match=r"depth = -5 m leaves nothing of the last 0\.\d+ m"):
+        make_task(ALGORITHMIC, youbot, depth=-5.0)
+    content = {**on("fixed"), "mount": [{**ARM, "lock": ["wrist_*"]}], "rest": {}}
+    with pytest.raises(UsageError, match=r"'ur5_on_fixed' has no redundant degree of freedom"):
+        make_task(ALGORITHMIC, mm.load_robot(content))

@@ -103,6 +103,12 @@ def test_lists_are_told_which_entry_is_wrong():
         check_parameters("lissajous", {"frequencies": [1, 2]})
 
 
+def test_an_orientation_is_a_unit_quaternion():
+    for given in ([1.0, 1.0, 0.0, 0.0], [0.0] * 4):
+        with pytest.raises(UsageError, match=r"'orientation' is .*, of length .*length 1"):
+            make_task("pose", "youbot", orientation=given)
+
+
 def test_whole_numbers_and_lists_will_do():
     assert check_parameters("circle", {"radius": 1}) == {"radius": 1.0}
     assert check_parameters("line", {"displacement": [1, 0, 0]})["displacement"] == [1, 0, 0]

@@ -297,10 +297,42 @@ def test_damaged_hdf5_is_told(tmp_path, youbot):
         mm.make_task("waypoints", youbot, file=path)
 
 
-@pytest.mark.parametrize("file", [3, "missing.csv", ".", {"x": [0.0, 1.0]}, {"x": "ab"}, {"y": 1}])
-def test_what_is_no_file_is_refused(file, youbot):
-    with pytest.raises(UsageError, match=r"task 'path': parameter 'file'"):
+def _columns(x, **others):
+    return {"x": x, "y": [0.0, 0.0], "z": [0.5, 0.5], **others}
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        *((file, "") for file in (3, "missing.csv", ".", {"x": [0.0, 1.0]}, {"x": "ab"}, {"y": 1})),
+        ({1: [0, 1]}, "column '1' is unknown in 1; allowed: x,y,z"),
+        (_columns([0.0, True]), "column 'x': must be a list of numbers"),
+        (_columns([0, 10**400]), "column 'x': must be a list of numbers"),
+        (
+            _columns(np.zeros((2, 2))),
+            r"is {'x': array\(\[\[0., .*column 'x': must be a list of numbers",
+        ),
+        (_columns([0.0]), "column 'y': must be a list of numbers, as many as the other columns"),
+    ],
+)
+def test_what_is_no_file_is_refused(file, words, youbot):
+    with pytest.raises(UsageError, match=rf"task 'path': parameter 'file'.*{words}"):
         mm.make_task("path", youbot, file=file)
+
+
+def test_columns_may_be_arrays(youbot):
+    made = mm.make_task("path", youbot, file=_columns(np.array([0.4, 0.5]), y=[np.float64(0), 0]))
+    assert made == mm.make_task("path", youbot, file=_columns([0.4, 0.5]))
+
+
+def test_quaternions_seen_from_the_start_follow_each_other(youbot):
+    """Of the two signs of one orientation, that nearer to the one before."""
+    angles = np.array([0.0, 1.2, 2.4])
+    turns = {"qw": np.cos(angles), "qx": np.sin(angles), "qy": [0.0] * 3, "qz": [0.0] * 3}
+    file = {"x": [0.0, 0.1, 0.2], "y": [0.0] * 3, "z": [0.0] * 3, **turns}
+    first, second, third = np.array(mm.make_task("path", youbot, file=file, frame="start").points)
+    assert first[3:] @ second[3:] == pytest.approx(np.cos(1.2))
+    assert second[3:] @ third[3:] == pytest.approx(np.cos(1.2))
 
 
 def test_many_points_are_shown_by_their_number(youbot):

@@ -11,6 +11,7 @@ from importlib.resources import files
 from numbers import Real
 from typing import Any, NamedTuple
 
+from mobman.arrays import LARGEST
 from mobman.errors import UsageError
 
 _KNOWN = tomllib.loads(
@@ -63,7 +64,7 @@ class Options:
         ):
             value = getattr(self, name)
             number = isinstance(value, Real) and not isinstance(value, bool)
-            most = -least or math.inf
+            most = -least or LARGEST
             if value is not None and not (number and least < value < most):
                 flag = called.format(name.replace("_", "-") if called != "{}" else name)
                 raise UsageError(f"{flag} is {value!r}; allowed: a finite {what}")
