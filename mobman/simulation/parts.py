@@ -281,10 +281,7 @@ def _task_of(given: Task | str, task: Task) -> tuple[str, Any, str]:
         factories = {} if module.startswith(_OWN) else tasks.loaded()
         name = next((n for n, make in factories.items() if _module_of(make) == module), "")
     try:
-        found = as_plain(task, _package_of(name))
-        if isinstance(found, dict) and "class" in found:
-            return name, found, ""
-        raise NotPlainError(f"{type(task).__name__} is not a dataclass")
+        return name, as_plain(task, _package_of(name)), ""
     except NotPlainError as error:
         reason = f"its task is an object that the file does not hold: {error}"
         return name, None, "" if isinstance(given, str) else reason
@@ -337,8 +334,8 @@ def as_plain(value: Any, package: str) -> Any:
     whose classes are those of mobman's tasks or of the module ``package``; NotPlainError says what else
     it has in it."""
     plain = _plain(value, package)
-    # JSON itself may change it: keys that are numbers become text
-    if _plain(from_plain(json.loads(json.dumps(plain)), package), package) != plain:
+    text = json.dumps(plain)
+    if json.dumps(_plain(from_plain(json.loads(text), package), package)) != text:
         raise NotPlainError(f"{type(value).__name__} does not come back from a file as it was")
     return plain
 
@@ -347,17 +344,21 @@ def _plain(value: Any, package: str) -> Any:
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
         return value
-    if isinstance(value, np.generic) and value.dtype.kind in "biuf":
+    if isinstance(value, np.generic) and _NUMBERS.fullmatch(value.dtype.str):
         return value.item()
     if kind in (list, tuple):
         items = [_plain(item, package) for item in value]
         return items if kind is list else {"tuple": items}
     if kind is dict:
+        if not all(type(key) is str for key in value):  # JSON makes numbers text
+            raise NotPlainError("a dictionary whose keys are more than text")
         return {"dict": {key: _plain(item, package) for key, item in value.items()}}
-    if kind is np.ndarray and value.dtype.kind in "bif":
+    if kind is np.ndarray and _NUMBERS.fullmatch(value.dtype.str):
         return {"array": value.tolist(), "dtype": value.dtype.str}
     if not dataclasses.is_dataclass(kind):
-        raise NotPlainError(f"{kind.__name__} is nothing that a file can hold")
+        raise NotPlainError(
+            f"{kind.__name__} is no dataclass, and nothing else that a file can hold"
+        )
     if not _may_be_made(kind.__module__, package) or "<" in kind.__qualname__:
         raise NotPlainError(f"{kind.__name__} is no class that has a name in mobman")
     names = [field.name for field in dataclasses.fields(value) if field.init]

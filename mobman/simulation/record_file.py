@@ -281,9 +281,16 @@ def _text(text: str) -> str:
 
 
 def _json(content: dict[str, Any]) -> str:
-    return json.dumps(content, sort_keys=True, default=_plain)
+    return json.dumps(_plain(content), sort_keys=True)
 
 
 def _plain(value: Any) -> Any:
-    """JSON for numpy's numbers and arrays, and for whatever a user's controller reports."""
-    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
+    """What JSON can hold of numpy's numbers and arrays, and of whatever a user's controller or task has
+    in it."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value if isinstance(value, str | int | float | None) else str(value)

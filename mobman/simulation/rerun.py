@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from mobman.arrays import Array
 from mobman.controllers.protocol import Controller
-from mobman.errors import MobmanError, RecordError, told_of_foreign
+from mobman.errors import MobmanError, RecordError, UsageError, told_of_foreign
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.provenance import COMPUTING
 from mobman.robots.catalogue import find_spec, list_robots
@@ -55,6 +56,15 @@ class Own:
     make_task: Callable[..., Task] | None = None
     """Factory of the task from the robot, q0 and the record's parameters, for one that is not
     registered."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no robot or no factory: UsageError."""
+        if not isinstance(self.robot, MobileManipulator | None):
+            raise UsageError(f"robot = {self.robot!r}: must be a robot, as load_robot returns it")
+        if not (self.make_task is None or callable(self.make_task)):
+            raise UsageError(
+                f"make_task = {self.make_task!r}: must be a function of a robot and q0"
+            )
 
 
 @dataclass(frozen=True)
@@ -153,6 +163,8 @@ def verify(
     Raises:
         RecordError: As :func:`repeat`.
     """
+    if tolerance is not None and not (isinstance(tolerance, Real) and 0.0 <= tolerance < math.inf):
+        raise UsageError(f"tolerance = {tolerance!r}: must be a number from 0 on")
     record = load_record(path)
     again = _repeated(record, Path(path), own or Own(), progress)
     machine = _differing(record.machine, again.machine, again.machine)

@@ -77,6 +77,16 @@ def test_own_controller_is_recorded_by_its_name_settings_and_signals(youbot, tmp
         assert np.array_equal(back.signals[name], record.signals[name])
 
 
+def test_settings_that_json_cannot_hold_are_recorded_as_text(youbot, tmp_path):
+    class Odd(Upright):
+        def settings(self):
+            return {"odd": {(1, 2): np.longdouble(1), 3: {4}, "a": np.eye(1)}, 5: 1j}
+
+    record = mm.simulate(youbot, Odd(), Still([1.0, 0.0, 0.3]), duration=0.01)
+    back = mm.load_record(record.save(tmp_path / "run.h5"))
+    assert back.settings == {"odd": {"(1, 2)": "1.0", "3": "{4}", "a": [[1.0]]}, "5": "1j"}
+
+
 def test_two_methods_are_enough(youbot):
     record = mm.simulate(youbot, Torque(lambda t: np.zeros(5)), "circle", duration=0.02)
     assert record.controller == "Torque"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import shutil
 from dataclasses import dataclass
 
@@ -19,8 +20,9 @@ from support.variants import ROBOTS, description, toml, youbot_urdf
 import mobman as mm
 from mobman import provenance
 from mobman.controllers.protocol import controllers
-from mobman.errors import RecordError
+from mobman.errors import RecordError, UsageError
 from mobman.robots import catalogue
+from mobman.simulation.parts import NotPlainError, from_plain
 from mobman.simulation.rerun import Own, repeat, verify
 from mobman.tasks.circle import Circle
 from mobman.tasks.task import tasks
@@ -346,6 +348,94 @@ def test_task_by_the_name_that_its_class_had(tmp_path, task, former):
 def test_task_that_is_an_object(tmp_path):
     path = _saved(tmp_path, "youbot", "tsm", Still([0.5, 0.0, 0.3]))
     assert "its task is an object that the file does not hold: Still is" in _refused(path)
+
+
+@dataclass
+class Holding:
+    """A task with something in it."""
+
+    held: object
+
+    def desired(self, t):
+        return np.array([0.5, 0.0, 0.3]), np.zeros(3), np.zeros(3), np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    "held",
+    [{"a": [1, (2.5, None)]}, np.eye(2), np.array([1, 2], np.uint8), math.nan, np.int64(3)],
+    ids=str,
+)
+def test_task_that_holds_plain_values(registered, tmp_path, held):
+    tasks.register("holding-of-mine", lambda robot, q0: Holding(0))
+    _identical(_saved(tmp_path, "youbot", "pseudo-inverse", Holding(held), duration=0.01))
+
+
+@pytest.mark.parametrize(
+    ("held", "words"),
+    [
+        ({1: 2}, "a dictionary whose keys are more than text"),
+        ({(1, 2): 3}, "a dictionary whose keys are more than text"),
+        ({1, 2}, "set is no dataclass, and nothing else that a file can hold"),
+        (np.array([1j]), "ndarray is no dataclass, and nothing else"),
+        (np.longdouble(1), "longdouble is no dataclass"),
+        (Circle((0.0, 0.0, 0.0), 1.0, 1.0), None),
+    ],
+    ids=str,
+)
+def test_task_that_holds_more_than_plain_values(registered, tmp_path, held, words):
+    tasks.register("holding-of-mine", lambda robot, q0: Holding(0))
+    path = _saved(tmp_path, "youbot", "pseudo-inverse", Holding(held), duration=0.01)
+    if words is None:
+        _identical(path)
+    else:
+        assert f"its task is an object that the file does not hold: {words}" in _refused(path)
+
+
+_CIRCLE = "mobman.tasks.circle:"
+
+
+@pytest.mark.parametrize(
+    ("plain", "words"),
+    [
+        ({"class": f"{_CIRCLE}Square", "fields": {}}, r"there is no class .*Square' here"),
+        (
+            {"class": f"{_CIRCLE}np.pi", "fields": {}},
+            r"'mobman\.tasks\.circle:np\.pi' is not a dataclass",
+        ),
+        (
+            {"class": "mobman.tasks.singular:PointToPoint", "fields": {}},
+            r"'mobman\.tasks\.singular:PointToPoint' is a class of mobman\.tasks\.paths",
+        ),
+        ({"class": f"{_CIRCLE}Circle", "fields": {}}, "Circle refuses its own fields: .*missing 3"),
+        ({"array": [1], "dtype": "O"}, "'O' is no type of numbers"),
+    ],
+    ids=str,
+)
+def test_plain_values_that_nothing_is_made_of(plain, words):
+    with pytest.raises(NotPlainError, match=words):
+        from_plain(plain, "")
+
+
+class Unsaid(Damping):
+    """One whose gains are said by its class only."""
+
+    Gains = Stiffness.Gains
+
+
+def test_own_parts_that_are_none_are_no_fault_of_the_file(registered, tmp_path):
+    controllers.register("unsaid", Unsaid)
+    path = _saved(tmp_path, "youbot", Unsaid(), "circle")
+    assert "its controller, a Unsaid, does not say its gains" in _refused(path)
+    assert repeat(path, own=Own(controller=Unsaid())).ok
+    for own, words in (
+        ({"robot": "youbot"}, "robot = 'youbot'"),
+        ({"make_task": 5}, "make_task = 5"),
+    ):
+        with pytest.raises(UsageError, match=rf"{words}: must be a"):
+            repeat(path, own=Own(**own))
+    for tolerance in (-1.0, math.nan, "0"):
+        with pytest.raises(UsageError, match=r"tolerance = .*: must be a number from 0 on"):
+            verify(path, tolerance=tolerance)
 
 
 def test_everything_that_is_not_there_is_told_at_once(tmp_path):
