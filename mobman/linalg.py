@@ -46,10 +46,16 @@ def apply(a: Matrix, x: Vector, y: Vector) -> None:
 
 @kernel
 def apply_transpose(a: Matrix, x: Vector, y: Vector) -> None:
-    """y = A^T x."""
+    """y = A^T x, by four rows at a time: y is read and written a quarter as often."""
+    fours = a.shape[0] - a.shape[0] % 4
     for j in range(a.shape[1]):
         y[j] = 0.0
-    for i in range(a.shape[0]):
+    for i in range(0, fours, 4):
+        x0, x1, x2, x3 = x[i], x[i + 1], x[i + 2], x[i + 3]
+        for j in range(a.shape[1]):
+            first = (y[j] + a[i, j] * x0) + a[i + 1, j] * x1
+            y[j] = (first + a[i + 2, j] * x2) + a[i + 3, j] * x3
+    for i in range(fours, a.shape[0]):
         for j in range(a.shape[1]):
             y[j] += a[i, j] * x[i]
 
@@ -63,10 +69,20 @@ def multiply(a: Matrix, b: Matrix, c: Matrix) -> None:
 
 @kernel
 def gram(a: Matrix, c: Matrix) -> None:
-    """C = A A^T, symmetric to the last bit."""
-    for i in range(a.shape[0]):
-        for j in range(i + 1):
-            c[i, j] = c[j, i] = dot(a[i], a[j])
+    """C = A A^T, symmetric to the last bit; by two rows and two columns, with half the reading."""
+    last = a.shape[0] - 1
+    for i in range(0, last + 1, 2):
+        i1 = min(i + 1, last)  # of an odd number of rows, the last one stands for two
+        for j in range(0, i + 1, 2):
+            j1 = min(j + 1, last)
+            s00 = s01 = s10 = s11 = 0.0
+            for k in range(a.shape[1]):
+                s00 += a[i, k] * a[j, k]
+                s01 += a[i, k] * a[j1, k]
+                s10 += a[i1, k] * a[j, k]
+                s11 += a[i1, k] * a[j1, k]
+            c[i, j], c[i, j1], c[i1, j], c[i1, j1] = s00, s01, s10, s11
+            c[j, i], c[j1, i], c[j, i1], c[j1, i1] = s00, s01, s10, s11
 
 
 @kernel
