@@ -186,7 +186,7 @@ class SlidingStage(NamedTuple):
     n: Vector
     """The unit vector; for b, metric, gram and work see :func:`implicit_unit_vector`."""
     gains: Matrix
-    """Diagonals: lambda_0, lambda_1 and lambda_2, or Lambda_0 and Lambda_1."""
+    """Diagonals: lambda_0 to lambda_2, lambda_0^p_0 and lambda_1^p_2, or Lambda_0 and Lambda_1."""
     caps: Matrix
     """v_max and a_max in (31): of positions and of orientations, inf for none; shape (2, 2)."""
     metric: Matrix
@@ -200,7 +200,11 @@ class SlidingStage(NamedTuple):
         Raises:
             GainError: If one of them has another length than p.
         """
-        diagonals = np.array([diagonal(name, getattr(gains, name), p) for name in names])
+        rows = [diagonal(name, getattr(gains, name), p).tolist() for name in names]
+        # powers that (31) takes at every tick
+        taken = {"lambda_0": powers_of(gains)["p_0"], "lambda_1": powers_of(gains)["p_2"]}
+        given = [(row, taken[name]) for row, name in zip(rows, names, strict=True) if name in taken]
+        diagonals = np.array(rows + [[x**power for x in row] for row, power in given])
         caps = np.array([caps_of(gains.v_max), caps_of(gains.a_max)])
         square, work = np.zeros((p, p)), np.zeros((p + 2, p))
         s, g, integral, drift, b, n = np.zeros((6, p))
@@ -222,12 +226,12 @@ def kinematic_gain(
     gains: Any, stage: SlidingStage, held: Held, at: Tracking, q_rest: Vector
 ) -> float:
     """Fill s, g and the drift: c/a (W + c_0) of (34), or of (44) where f and J are the tip's."""
-    k, s, g, v_ref = gains[0], stage.s, stage.g, held.v_ref
-    lambda_0, lambda_1, lambda_2 = stage.gains[0], stage.gains[1], stage.gains[2]
+    k, s, g, v_ref, lambda_2 = gains[0], stage.s, stage.g, held.v_ref, stage.gains[2]
+    lambda_0_p_0, lambda_1, lambda_1_p_2 = stage.gains[3], stage.gains[1], stage.gains[4]
     # the bracket of (31), with caps on both of its parts that are not there near the target
     bracket, m = stage.b, at.p_d.shape[1]
     for i in range(s.shape[0]):
-        bracket[i] = lambda_0[i] ** k.p_0 * error(at, i)
+        bracket[i] = lambda_0_p_0[i] * error(at, i)
     cap(bracket, m, stage.caps[0], k.p_0, lambda_1, 0.0)
     for i in range(s.shape[0]):
         bracket[i] += power(error_rate(at, i), k.p_0)
@@ -237,7 +241,7 @@ def kinematic_gain(
         e_ddot = dot(at.J[i], v_ref) + at.J_dot_z[i] - desired(at.p_d, 2, i)
         # s and the integrand g in it (31)
         g[i] = lambda_2[i] * power(e_ddot, k.p_2)
-        g[i] += lambda_2[i] * lambda_1[i] ** k.p_2 * power(bracket[i], k.p_1)
+        g[i] += lambda_2[i] * lambda_1_p_2[i] * power(bracket[i], k.p_1)
         s[i] = e_ddot + stage.integral[i]
         stage.drift[i] = g[i] - desired(at.p_d, 3, i)
     # W under (34), with the bound of (21)
@@ -364,6 +368,11 @@ def power(x: float, exponent: float) -> float:
     return math.copysign(math.pow(abs(x), exponent), x)
 
 
+def powers_of(gains: CascadeGains) -> dict[str, float]:
+    """Exponents of (31); all are 1 where the gains have no terminal powers."""
+    return POWERS if isinstance(gains, SlidingGains) else dict.fromkeys(POWERS, 1.0)
+
+
 def metric_scale(gains: CascadeGains) -> float:
     """The factor of M in the metric, also where it is "auto"."""
     if isinstance(gains.metric_scale, str):
@@ -372,11 +381,9 @@ def metric_scale(gains: CascadeGains) -> float:
 
 
 def in_force(gains: CascadeGains, dt: float, a: float, A: float, inverse: bool) -> Any:
-    """The other gains, with the bounds (22) and (54) or (64), shape (1,); all powers are 1 where the
-    gains have none."""
-    powers = POWERS if isinstance(gains, SlidingGains) else dict.fromkeys(POWERS, 1.0)
+    """The other gains, with the bounds (22) and (54) or (64), shape (1,)."""
     alpha_1 = float(Fraction(gains.alpha_1)) if isinstance(gains, SlidingGains) else 1.0
-    values = vars(gains) | powers | {"a": a, "A": A, "dt": dt, "inverse": inverse}
+    values = vars(gains) | powers_of(gains) | {"a": a, "A": A, "dt": dt, "inverse": inverse}
     values |= {"alpha_1": alpha_1, "alpha_2": 2.0 * alpha_1 / (1.0 + alpha_1)}
     values["implicit"] = gains.discretization == "implicit"
     values["metric_scale"] = metric_scale(gains)
