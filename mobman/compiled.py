@@ -27,7 +27,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
 from functools import cache, cached_property, partial
 from importlib.metadata import version
-from itertools import groupby
+from itertools import chain, groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -88,10 +89,65 @@ def _own_settings() -> Iterator[None]:
         config.CACHE_DIR, config.OPT = before
 
 
+class Call:
+    """A kernel with its arguments; TypeError if one is neither a number nor an array that fits.
+
+    Attributes:
+        kinds: The properties of the arguments that decide their types: numba's own look at one takes
+            10 us, and a run has a thousand.
+        leaves: The arrays and numbers in them, those of tuples one by one, and before each its id if it
+            is an array with entries, else 0.
+    """
+
+    def __init__(self, function: Any, arguments: tuple[Any, ...]) -> None:
+        self.function, self.arguments, self.leaves = function, arguments, list[tuple[int, Any]]()
+        kinds = []
+        for name, given in zip(signature(function).parameters, arguments, strict=True):
+            try:
+                kinds.append(self._kind(given))
+            except ValueError:
+                found = repr(given)
+                if isinstance(given, np.ndarray):
+                    kind, strides = f"{given.dtype} of shape {given.shape}", given.strides
+                    found = f"an array of {kind} with strides {strides}"
+                raise TypeError(
+                    f"kernel {function.__name__!r}: argument {name!r} is {found}; needed: a number, or "
+                    "a contiguous array of float64 or int64 that can be written to"
+                ) from None
+        self.kinds = tuple(kinds)
+
+    def _kind(self, argument: Any) -> Any:
+        if isinstance(argument, tuple):
+            return type(argument), *map(self._kind, argument)
+        if not isinstance(argument, np.ndarray):
+            self.leaves.append((0, argument))
+            if isinstance(argument, (int, float, np.integer, np.floating)):
+                return type(argument)
+            raise ValueError
+        flags, dtype = argument.flags, argument.dtype
+        if not (flags.forc and flags.aligned and flags.writeable):
+            raise ValueError
+        numbers = dtype in _TYPES
+        if not numbers and dtype.names is None:
+            raise ValueError
+        self.leaves.append((id(argument) if numbers and argument.size else 0, argument))
+        return dtype, argument.ndim, flags.c_contiguous
+
+    def compiled(self) -> Callable[[], Any]:
+        """The machine code for these arguments, with them."""
+        key = self.function, self.kinds
+        if key not in _found:
+            _found[key] = _compiled_for(self.function, tuple(map(numba.typeof, self.arguments)))
+        return partial(_found[key], *self.arguments)
+
+
+_found: dict[Any, Callable[..., Any]] = {}
+
+
 class BoundKernels:
     """Kernels of mobman with their arguments, called in order."""
 
-    def __init__(self, *calls: tuple[Any, tuple[Any, ...]]) -> None:
+    def __init__(self, *calls: Call) -> None:
         self.calls = calls
 
     def __call__(self) -> int:
@@ -102,24 +158,15 @@ class BoundKernels:
 
     @cached_property
     def _each(self) -> list[Callable[[], Any]]:
-        return [_machine_code(function, given) for function, given in self.calls]
+        return [call.compiled() for call in self.calls]
 
     @cached_property
     def joined(self) -> Callable[[], int]:
         """The same as one compiled function; see :func:`_written`."""
-        run: Any = _machine_code(*_written(self.calls))
-        run.parts = [self]  # which keeps the arrays
+        call, table = _written(self.calls)
+        run: Any = call.compiled()
+        run.parts, run.kept = [self], table  # self keeps the other arrays
         return cast(Callable[[], int], run)
-
-
-_found: dict[Any, Callable[..., Any]] = {}
-
-
-def _machine_code(function: Any, arguments: tuple[Any, ...]) -> Callable[[], Any]:
-    key = function, _kind(arguments)
-    if key not in _found:
-        _found[key] = _compiled_for(function, tuple(map(numba.typeof, arguments)))
-    return partial(_found[key], *arguments)
 
 
 def _compiled_for(function: Any, types: tuple[Any, ...]) -> Callable[..., Any]:
@@ -141,16 +188,6 @@ def _compiled_for(function: Any, types: tuple[Any, ...]) -> Callable[..., Any]:
     return found
 
 
-def _kind(argument: Any) -> Any:
-    """The properties of an argument that decide its type: numba's own look at one takes 10 us, and a run
-    has a thousand."""
-    if isinstance(argument, np.ndarray):
-        return argument.dtype, argument.ndim, argument.flags.c_contiguous
-    if isinstance(argument, tuple):
-        return type(argument), *map(_kind, argument)
-    return type(argument)
-
-
 def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     """A function without arguments that calls one with these.
 
@@ -164,25 +201,13 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
     """
     if not is_compiled(function):
         return partial(function, *arguments)
-    dispatcher: Any = function
-    names = signature(function).parameters
-    if len(names) != len(arguments):
+    needed = len(signature(function).parameters)
+    if needed != len(arguments):
         raise TypeError(
-            f"kernel {function.__name__!r} takes {len(names)} arguments; given: {len(arguments)}"
+            f"kernel {function.__name__!r} takes {needed} arguments; given: {len(arguments)}"
         )
-    for name, given in zip(names, arguments, strict=True):
-        if not _fits(given):
-            found = repr(given)
-            if isinstance(given, np.ndarray):
-                kind, strides = f"{given.dtype} of shape {given.shape}", given.strides
-                found = f"an array of {kind} with strides {strides}"
-            raise TypeError(
-                f"kernel {function.__name__!r}: argument {name!r} is {found}; needed: a number, or a "
-                "contiguous array of float64 or int64 that can be written to"
-            )
-    if _of_mobman(function):
-        return BoundKernels((dispatcher, arguments))
-    return _machine_code(dispatcher, arguments)
+    call = Call(function, arguments)
+    return BoundKernels(call) if _of_mobman(function) else call.compiled()
 
 
 @cache
@@ -193,23 +218,15 @@ def _of_mobman(function: Callable[..., Any]) -> bool:
 signature = cache(inspect.signature)  # 20 us, of some hundred functions a run
 
 
-def _fits(argument: Any) -> bool:
-    if isinstance(argument, tuple):
-        return all(map(_fits, argument))
-    if not isinstance(argument, np.ndarray):
-        return isinstance(argument, (int, float, np.integer, np.floating))
-    flags, known = argument.flags, argument.dtype in _TYPES or argument.dtype.names is not None
-    return known and flags.forc and flags.aligned and flags.writeable
-
-
-_joining: ContextVar[bool] = ContextVar("_joining", default=False)
+_joining: ContextVar[dict[int, Any] | None] = ContextVar("_joining", default=None)
+"""Arrays with their places in memory, a microsecond each, by their ids; None if nothing is joined."""
 
 
 @contextlib.contextmanager
 def worth_joining(worth: bool) -> Iterator[None]:
     """Sequences made meanwhile are compiled as one function each: for a run of many ticks, since that
     takes some ten seconds more, once for each combination of kernels."""
-    token = _joining.set(worth)
+    token = _joining.set({} if worth else None)
     try:
         yield
     finally:
@@ -230,7 +247,7 @@ def sequence(*entries: Callable[[], Any], join: bool = True) -> Callable[[], int
         members: list[Any] = list(group)
         if ours:
             entry = BoundKernels(*(call for one in members for call in one.calls))
-            members = [entry.joined if join and _joining.get() else entry]
+            members = [entry if not join or _joining.get() is None else entry.joined]
         steps += members
     if len(steps) == 1:
         only: Callable[[], int] = steps[0]
@@ -246,39 +263,39 @@ def sequence(*entries: Callable[[], Any], join: bool = True) -> Callable[[], int
     return run
 
 
-def _written(calls: Sequence[tuple[Any, tuple[Any, ...]]]) -> tuple[Any, tuple[Any, ...]]:
-    """A kernel that calls others, and its arguments.
+def _written(calls: Sequence[Call]) -> tuple[Call, Any]:
+    """A kernel that calls others, and an array to keep with it.
 
-    To unpack an array from its Python object takes as long as a short kernel, so that it is given a
-    table of where the arrays are and how long, and makes arrays of it again.
+    To unpack an array from its Python object takes as long as a short kernel, so that it is given one
+    array, and at which place from there a table is of where the others are and how long.
     """
     arrays: dict[int, Any] = {}
     others: list[Any] = []  # numbers, records, and arrays without an entry
     places: list[int] = []  # of all, in order: in the arrays, or from -1 down in the others
     numbers: dict[int, int] = {}
-
-    def place(value: Any) -> None:
-        if isinstance(value, tuple):
-            for part in value:
-                place(part)
-        elif isinstance(value, np.ndarray) and value.dtype in _TYPES and value.size:
-            arrays[id(value)] = value
-            places.append(numbers.setdefault(id(value), len(numbers)))
+    for key, leaf in (leaf for call in calls for leaf in call.leaves):
+        if key:
+            arrays[key] = leaf
+            places.append(numbers.setdefault(key, len(numbers)))
         else:
-            others.append(value)
+            others.append(leaf)
             places.append(-len(others))
+    if (known := _joining.get()) is None:
+        known = {}
+    for key in arrays.keys() - known.keys():
+        known[key] = arrays[key], _address(arrays[key])
+    table = np.zeros(sum(1 + array.ndim for array in arrays.values()) or 1, dtype=np.int64)
+    rows = [*(known[key] for key in arrays), (table, _address(table))]
+    first, begin = min(rows, key=itemgetter(1))  # the others are behind it in memory
+    *told, at = [((address - begin) // 8, *array.shape) for array, address in rows]
+    told = list(chain.from_iterable(told))
+    table[: len(told)] = told
+    written = _kernel_of(tuple((call.function, call.kinds) for call in calls), tuple(places))
+    return Call(written, (first.ravel("K").view(np.float64), at[0], *others)), table
 
-    for _, given in calls:
-        place(given)
-    begins = [array.__array_interface__["data"][0] for array in arrays.values()]
-    # all others are behind it in memory
-    begin = min(begins, default=0)
-    first = [*arrays.values()][begins.index(begin)].ravel("K") if arrays else np.zeros(1)
-    table: list[int] = []
-    for array, at in zip(arrays.values(), begins, strict=True):
-        table += [(at - begin) // 8, *array.shape]
-    written = _kernel_of(tuple((one, _kind(given)) for one, given in calls), tuple(places))
-    return written, (first.view(np.float64), np.array(table, dtype=np.int64), *others)
+
+def _address(array: Any) -> int:
+    return int(array.__array_interface__["data"][0])
 
 
 @cache
@@ -311,14 +328,15 @@ def _kernel_of(calls: tuple[tuple[Any, Any], ...], places: tuple[int, ...]) -> A
             size += 1 + ndim
         return f"a{place}" if place >= 0 else f"b{-place - 1}"
 
-    for function, (_, *kinds) in calls:
+    for function, kinds in calls:
         line = f"{named(function)}({', '.join(map(text, kinds))})"
         if signature(function).return_annotation == "None":
             lines += [line]
         else:
             lines += [f"status = {line}", "if status != 0:", "    return status"]
     rest = "".join(f", b{i}" for i in range(sum(place < 0 for place in places)))
-    source = "\n    ".join([f"(first, table{rest}):", *head, *lines, "return 0\n"])
+    head.insert(0, f"table = _index(first.ctypes, at, {size})")
+    source = "\n    ".join([f"(first, at{rest}):", *head, *lines, "return 0\n"])
     # a name of its own: machine code is found by the function's name and the arguments' types
     name = f"written_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
     file, source = kernel_folder() / f"{name}.py", f"def {name}{source}"

@@ -157,6 +157,8 @@ def diagonal(name: str, value: Any, length: int) -> Array:
 
 
 def _numbers(name: str, value: Any) -> Array:
+    if type(value) is float and not beyond_sizes(value):  # most are, and what follows takes 10 us
+        return np.array(value)
     try:
         numbers = np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError):

@@ -98,12 +98,8 @@ class TaskSpace:
             extended = ExtendedJacobian(robot, task_map, criterion, now)
             self.f, self.J, self.J_dot_z = extended.f, extended.J, extended.J_dot_z
             update = extended.update
-        self._steps = [
-            now.velocity,
-            now.run_jacobians,
-            sequence(task_entry(task, self._t, given)),
-            update,
-        ]
+        aim = task_entry(task, self._t, given)
+        self._steps = [sequence(now.velocity, aim), now.run_jacobians, update]
         if m > 3:
             orientation = OrientationError(task_map, now, given)
             self._turn = orientation.turn

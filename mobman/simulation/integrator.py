@@ -94,6 +94,7 @@ class RungeKutta:
             )
             for i in range(4)
         ]
+        self._run_dynamics = now.run_dynamics
         now.velocity()
 
     @cached_property
@@ -116,16 +117,17 @@ class RungeKutta:
         Raises:
             SingularityError: If M is not positive definite somewhere on the way.
         """
-        disturb, run_dynamics = self.plant.disturb, self.plant.now.run_dynamics
+        plant, run_dynamics = self.plant, self._run_dynamics
         first, second, third, fourth = self._stages
-        h = float(self.h[0])
         first()
-        disturb(t + 0.5 * h)
+        if plant.disturbed:
+            plant.disturb(t + 0.5 * float(self.h[0]))
         run_dynamics()
         status = second()
         run_dynamics()
         status |= third()
-        disturb(t + h)
+        if plant.disturbed:
+            plant.disturb(t + float(self.h[0]))
         run_dynamics()
         require_success(status | fourth())
 
@@ -179,7 +181,8 @@ class TickIntegrator:
         try:
             if not evaluated:
                 state.evaluate(t)
-            steps = _steps_of(length, self._plant.longest_step(_LARGEST_STEP))
+            longest = self._plant.longest_step(_LARGEST_STEP)
+            steps = 1 if length <= longest else _steps_of(length, longest)
             state.h[0] = length / steps
             state.step(t)
             for step in range(1, steps):

@@ -35,13 +35,13 @@ _metric = partial(metric, section="limits")
 
 def _torque_ratio(run: Run) -> Array:
     """Largest torque of a motor over its limit at the ticks, shape (N,)."""
-    limits = run.robot.limits.torque
+    limits = run.limits.torque
     return _largest((np.abs(v) / limit for v, limit in zip(run.torque.T, limits, strict=True)), run)
 
 
 def _excess(run: Run) -> Array:
     """Largest excess of a coordinate at the ticks (rad, m), shape (N,)."""
-    limits = run.robot.limits
+    limits = run.limits
     bounds = zip(run.q.T, limits.lower, limits.upper, strict=True)
     return _largest((np.maximum(lower - q, q - upper) for q, lower, upper in bounds), run)
 

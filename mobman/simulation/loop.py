@@ -226,7 +226,7 @@ class Loop:
         samples, plant, now = self.samples, self.plant, self.plant.now
         ticks, dt, t_now, tick_now = self.ticks, self.dt, self._t, self._tick
         run_all, measure, step = now.run_all, self._measurement, self.controller.step
-        look, tip, disturb = self._look_on, self._tip, plant.disturb
+        look, tip, disturbed = self._look_on, self._tip, plant.disturbed
         q, z, z_dot, v = now.q, now.z, self._z_dot, self._command
         keep_row, advance, shape, double = self._keep, self._integrator.advance, v.shape, v.dtype
         every, compute_time = max(1, ticks // 100), samples.compute_time
@@ -236,7 +236,8 @@ class Loop:
             t_now[0] = t
             tick_now[0] = tick
             run_all()
-            disturb(t)
+            if disturbed:
+                plant.disturb(t)
             try:
                 status = look()
             except SingularityError:  # of a criterion in Python

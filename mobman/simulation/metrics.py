@@ -15,7 +15,7 @@ from mobman.arrays import Array
 from mobman.errors import FOREIGN_ERRORS, SingularityError
 from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian
-from mobman.model.mobile_manipulator import MobileManipulator
+from mobman.model.mobile_manipulator import Limits, MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.registry import Registry
 from mobman.tasks.task import Task
@@ -65,6 +65,11 @@ class Run:
     signals: Mapping[str, Array] = field(default_factory=dict)
     """By name, N rows each: those of a plant that is not the ideal one; those of a monitored law, and
     what :mod:`mobman.simulation.monitors` makes of them."""
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Those that the robot's URDF states."""
+        return self.robot.limits
 
     @cached_property
     def steady(self) -> Array:

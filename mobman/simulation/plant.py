@@ -63,6 +63,7 @@ class Plant:
         v: The motors' torque that acts, shape (nz,).
         q_dot: The true q', shape (nq,): C z and the slip.
         forces: What acts at the state.
+        disturbed: Whether :meth:`disturb` changes anything.
         slips: Whether q' is not C z alone. The slip moves the platform and nothing else: (17) is that
             of rolling, and nothing in it depends on where a platform is on a floor.
     """
@@ -79,6 +80,7 @@ class Plant:
         self.now = now = Buffers(robot)
         self.v, self._longest = np.zeros(nz), math.inf
         self._disturbance, self._friction, self._stops = disturbance, friction, stops
+        self.disturbed = disturbance is not None
         self._slip = slip if robot.platform.base_joints else ()
         self.slips = bool(self._slip)
         self.q_dot = np.zeros(robot.nq) if self.slips else now.q_dot

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -341,6 +342,12 @@ def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
         return validate(Scenario, content, str(path))
     finally:
         _loading.reset(token)
+
+
+@cache
+def nominal() -> Scenario:
+    """The scenario of runs for which none is named."""
+    return load_scenario("nominal")
 
 
 def _files() -> dict[str, Path]:

@@ -25,7 +25,7 @@ from mobman.simulation.parts import describe_run, urdfs_of_run
 from mobman.simulation.record import Record
 from mobman.simulation.record_file import APPLIED
 from mobman.simulation.run_spec import RunSpec
-from mobman.simulation.scenario import GivenPlant, Scenario, load_scenario
+from mobman.simulation.scenario import GivenPlant, Scenario, load_scenario, nominal
 from mobman.simulation.singularity import verdict
 from mobman.tasks.task import Task, make_task
 
@@ -112,7 +112,7 @@ def simulate(
     if scenario is not None and not isinstance(scenario, (Scenario, str, os.PathLike)):
         raise UsageError(f"scenario = {scenario!r}: must be a scenario, its name or its file")
     if not isinstance(scenario, Scenario):
-        scenario = load_scenario("nominal" if scenario is None else scenario)
+        scenario = nominal() if scenario is None else load_scenario(scenario)
     start = scenario.start_of(robot) if q0 is None else given
     numbers: dict[str, Any] = {"q0": start, "dt": dt, "seed": int(seed), "monitor": bool(monitor)}
     with worth_joining(ticks >= _MANY_TICKS):
