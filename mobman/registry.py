@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 import sys
 import warnings
@@ -13,7 +14,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
-from mobman.errors import FOREIGN_ERRORS, UnknownNameError
+from mobman.errors import FOREIGN_ERRORS, UnknownNameError, UsageError
 
 T = TypeVar("T")
 D = TypeVar("D")
@@ -35,6 +36,18 @@ def _changed(folder: str) -> int:
         return Path(folder).stat().st_mtime_ns
     except OSError:
         return 0
+
+
+def made_by(thing: Callable[..., Any], problem: str, *arguments: Any, **named: Any) -> Any:
+    """Call what a user registered; UsageError, which begins with ``problem``, if it is not callable or
+    does not take these arguments."""
+    try:
+        inspect.signature(thing).bind(*arguments, **named)
+    except TypeError as error:
+        raise UsageError(f"{problem}: {error}") from error
+    except ValueError:  # some callables of other languages have no signature
+        pass
+    return thing(*arguments, **named)
 
 
 class Registry(Generic[T]):

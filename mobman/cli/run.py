@@ -43,7 +43,7 @@ def _values(context: Context, parameter: Parameter, texts: tuple[str, ...]) -> d
             raise BadParameter(f"{name} is given twice", param_hint=parameter.opts[0])
         try:
             values[name] = json.loads(value)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             values[name] = value
     return values
 

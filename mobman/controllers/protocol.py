@@ -18,7 +18,7 @@ from mobman.controllers.task_errors import Entry, Stop, TaskSpace
 from mobman.display import Displayed, Shown, line_of
 from mobman.errors import GainError, UnknownNameError, UsageError
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.registry import Registry
+from mobman.registry import Registry, made_by
 from mobman.tasks.task import Task
 
 
@@ -113,7 +113,8 @@ def make_controller(name: str, **gains: Any) -> Controller:
         GainError: If a gain is outside what the theory allows.
     """
     law, fields = controllers.get(name), gains_by_field(name, gains)
-    made: Controller = law(law.Gains(**fields)) if hasattr(law, "Gains") else law()
+    given = [law.Gains(**fields)] if hasattr(law, "Gains") else []
+    made: Controller = made_by(law, f"controller {name!r} cannot be made of its gains", *given)
     return made
 
 

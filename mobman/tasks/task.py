@@ -22,7 +22,7 @@ from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.model.orientation import UNIT
 from mobman.model.task_map import TaskMap, task_map_for
-from mobman.registry import Registry
+from mobman.registry import Registry, made_by
 
 
 @runtime_checkable
@@ -111,7 +111,9 @@ def make_task(
     if not isinstance(robot, MobileManipulator):
         robot = load_robot(robot)
     start = robot.q_rest if q0 is None else robot.checked_configuration(q0)
-    return tasks.get(name)(robot, start, **checked)
+    problem = f"task {name!r} cannot be made of a robot and q0"
+    task: Task = made_by(tasks.get(name), problem, robot, start, **checked)
+    return task
 
 
 # Parameters ------------------------------------------------------------------------------------------

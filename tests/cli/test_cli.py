@@ -128,7 +128,24 @@ def test_misspelt_names_get_one_line_and_status_2(arguments, nearest):
         (("run", "youbot", "--duration", "ten"), "--duration"),
         (("run", "missing.toml"), "cannot read the robot file missing.toml"),
         (("run",), "ROBOT"),
+        (("run", "youbot", "--gain", f"a={'9' * 5000}"), "a = '9999"),
         (("bench", "run", "paper", "--workers", "0"), "--workers"),
+        (
+            ("bench", "run", "paper", "--part", "3/2"),
+            "'3/2' is no part: give K/N with K from 1 to N",
+        ),
+        (("view", "youbot", "--scale", "2"), "give --png FILE, too"),
+        (("view", "youbot", "--png", "x.png", "--size", "0x0"), "size = 0x0: allowed: 16x16 to"),
+        (("robots", "--json", "show", "youbot"), "put --json behind 'show'"),
+        (("robots", "add", "x.xacro", "--xacro-arg", "a"), "'a' is not NAME:=VALUE"),
+        (
+            ("robots", "add", "x.urdf", "--on", "base"),
+            "--mount is given 0 times, --on 1 and --prefix",
+        ),
+        (
+            ("robots", "add", "x.urdf", "--heading", "90"),
+            "--heading is 90.0; allowed: a finite angle",
+        ),
     ],
 )
 def test_wrong_values_get_one_line_and_status_2(arguments, reason):
@@ -171,6 +188,21 @@ def test_bench_run_and_report(tmp_path):
     assert again.returncode == 0
     assert str(report) in again.stdout
     assert report.is_file()
+
+
+def test_a_part_that_has_no_run_says_how_the_parts_are_joined(tmp_path):
+    suite = small_suite(tmp_path)
+    done = mobman("bench", "run", suite, "--part", "9/9", "-o", tmp_path / "part")
+    assert done.returncode == 0, done.stderr
+    assert "0 runs: 0 were there" in done.stdout
+    assert f"part 9 of 9 is in {tmp_path / 'part'}; the parts are joined by" in done.stdout
+    assert "youbot · circle · nominal · damped" in mobman("bench", "show", suite, "--runs").stdout
+    (tmp_path / "part" / "runs").mkdir(exist_ok=True)
+    run_id = json.loads(mobman("bench", "show", suite, "--json").stdout)["runs"][0]["run_id"]
+    (tmp_path / "part" / "runs" / f"{run_id}.h5").write_bytes(b"x")
+    merged = mobman("bench", "merge", tmp_path / "part", "-o", tmp_path / "all")
+    assert merged.returncode == 1
+    assert f"left out: {tmp_path / 'part' / 'runs' / run_id}.h5 is not a readable" in merged.stderr
 
 
 def test_report_of_nothing_is_refused(tmp_path):
@@ -239,6 +271,12 @@ class Broken(Push):
 class Odd(Push):
     def step(self, t, q, z, z_dot):
         return np.linalg.solve(np.eye(3), np.ones(4))  # line 40
+
+class Needy:
+    def __init__(self, gain):
+        pass
+
+number = 5
 """
 
 
@@ -256,6 +294,25 @@ def test_an_error_of_ones_own_file_is_told_with_its_line(tmp_path, monkeypatch, 
     assert done.stderr.startswith(f"mobman: error in {tmp_path / 'mine.py'}, {place}: ")
     assert done.stderr.endswith("(-v prints the traceback)\n")
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "reason"),
+    [
+        ("controller", "number", "cannot be made of its gains: 5 is not a callable object"),
+        ("controller", "Needy", "cannot be made of its gains: missing a required argument: 'gain'"),
+        ("task", "number", "cannot be made of a robot and q0: 5 is not a callable object"),
+        ("task", "Needy", "cannot be made of a robot and q0: too many positional arguments"),
+    ],
+)
+def test_what_cannot_be_made_of_ones_own_file_is_told(tmp_path, monkeypatch, option, name, reason):
+    monkeypatch.chdir(tmp_path)
+    for registry in (controllers, tasks):
+        monkeypatch.setattr(registry, "_items", dict(registry._items))
+    (tmp_path / "mine.py").write_text(OWN + BROKEN, encoding="utf-8")
+    done = mobman("run", "youbot", f"--{option}", f"mine.py:{name}", "--duration", "0.01")
+    assert done.returncode == 2
+    assert done.stderr == f"mobman: {option} 'mine.py:{name}' {reason}\n"
 
 
 def test_a_law_and_a_task_of_ones_own_file(tmp_path, monkeypatch):
