@@ -6,12 +6,11 @@ whether or not the simulated plant enforces any.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from functools import partial, reduce
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
-from mobman.arrays import Array
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.metrics import Run, metric
 from mobman.simulation.record import Record
@@ -33,29 +32,21 @@ _TIMES = "reached {:.3g} times its "
 _metric = partial(metric, section="limits")
 
 
-def _torque_ratio(run: Run) -> Array:
-    """Largest torque of a motor over its limit at the ticks, shape (N,)."""
-    limits = run.limits.torque
-    return _largest((np.abs(v) / limit for v, limit in zip(run.torque.T, limits, strict=True)), run)
+def _position_excess(run: Run) -> float:
+    bounds = zip(run.q.T, run.limits.lower, run.limits.upper, strict=True)
+    return float(np.max([(low - q.min(), q.max() - high, 0.0) for q, low, high in bounds]))
 
 
-def _excess(run: Run) -> Array:
-    """Largest excess of a coordinate at the ticks (rad, m), shape (N,)."""
-    limits = run.limits
-    bounds = zip(run.q.T, limits.lower, limits.upper, strict=True)
-    return _largest((np.maximum(lower - q, q - upper) for q, lower, upper in bounds), run)
-
-
-def _largest(rows: Iterable[Array], run: Run) -> Array:
-    # row by row, since what is computed on the way should not be as large as the record
-    return reduce(np.maximum, rows, np.zeros(len(run.t)))
+def _torque_ratio(run: Run) -> float:
+    motors = zip(run.torque.T, run.limits.torque, strict=True)
+    return float(np.max([max(v.max(), -v.min()) / limit for v, limit in motors]))
 
 
 _metric(
     "position_limit_excess",
     "rad or m",
     "how far a joint went beyond its position limits at most; 0 without limits",
-)(lambda run: float(_excess(run).max()))
+)(_position_excess)
 _metric(
     "velocity_limit_ratio",
     "1",
@@ -63,7 +54,7 @@ _metric(
 )(lambda run: float(run.velocity_ratio.max()))
 _metric(
     "torque_limit_ratio", "1", "largest torque of a motor over its effort limit; 0 without limits"
-)(lambda run: float(_torque_ratio(run).max()))
+)(_torque_ratio)
 
 
 @_metric(
@@ -73,8 +64,13 @@ _metric(
     short="share of ticks beyond a limit",
 )
 def time_beyond_limits(run: Run) -> float:
-    fast, strong = (ratio > 1.0 + BEYOND for ratio in (run.velocity_ratio, _torque_ratio(run)))
-    return float(np.mean((_excess(run) > BEYOND) | fast | strong))
+    # motor by motor, since what is computed on the way should not be as large as the record
+    beyond = run.velocity_ratio > 1.0 + BEYOND
+    for q, low, high in zip(run.q.T, run.limits.lower, run.limits.upper, strict=True):
+        beyond |= (low - q > BEYOND) | (q - high > BEYOND)
+    for v, limit in zip(run.torque.T, run.limits.torque, strict=True):
+        beyond |= np.abs(v) / limit > 1.0 + BEYOND
+    return float(np.mean(beyond))
 
 
 # In words ----------------------------------------------------------------------------------------
