@@ -119,6 +119,7 @@ class Registry(Generic[T]):
 
     def get(self, name: str) -> T:
         """The thing of that name; UnknownNameError, with the nearest names, if there is none."""
+        name = name if isinstance(name, str) else repr(name)
         if name not in self._items and name not in self._own:
             self._discover()
         if name not in self._items and name in self._own:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import EntryPoint
 
 import pytest
 
+import mobman as mm
 from mobman import registry
 from mobman.errors import UnknownNameError
 from mobman.registry import Registry
@@ -154,3 +156,10 @@ def test_threads_that_look_at_once_all_find_everything(tmp_path, monkeypatch):
     assert things.get("a") == 3  # nothing that was found later replaced it
     for module in [name for name in sys.modules if name.startswith("slow_things")]:
         del sys.modules[module]
+
+
+@pytest.mark.parametrize("name", [[], {}, None, 3])
+def test_what_is_no_name_is_an_unknown_one(name):
+    for make in (mm.make_controller, lambda name: mm.make_task(name, "youbot")):
+        with pytest.raises(UnknownNameError, match=re.escape(repr(name))):
+            make(name)

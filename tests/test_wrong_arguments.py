@@ -130,3 +130,9 @@ def test_monitor_is_a_truth_value(monitor):
 def test_gains_that_are_arrays_are_shown():
     law = mm.make_controller("tsm", K_F=np.ones(2))
     assert repr(law) == "TerminalSlidingMode('tsm', K_F=array([1., 1.]))"
+
+
+def test_limit_of_all_motors_may_be_an_array_of_one_number(youbot):
+    law = mm.make_controller("tsm", saturation="hedge", torque_limits=np.array(3.0))
+    law.reset(youbot, mm.make_task("paper", youbot), 1e-3)
+    assert law.settings()["torque_limits"] == [3.0] * youbot.nz

@@ -27,7 +27,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 
 def _torque_limits(name: str, given: Any) -> None:
     """Raises GainError unless limits are numbers above 0; None in the place of one is allowed."""
-    for number in [given] if isinstance(given, float | int) else list(given):
+    for number in np.atleast_1d(np.asarray(given, dtype=object)):  # of a table, rows
         plain = isinstance(number, float | int | np.number) and not isinstance(number, bool)
         if number is not None and not (plain and SMALLEST <= number <= LARGEST):
             raise GainError(
@@ -84,9 +84,8 @@ class LimitedMotors:
         """
         if given is None:
             return (robot.limits.torque if self._acting is None else self._acting).copy()
-        if not isinstance(given, float | int):
-            given = [np.inf if x is None else x for x in given]
-        return diagonal("torque_limits", given, robot.nz)
+        limits = np.asarray(given, dtype=float)  # None is NaN
+        return diagonal("torque_limits", np.where(np.isnan(limits), np.inf, limits), robot.nz)
 
 
 def plain_limits(limits: Array) -> list[float | None]:

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mobman.arrays import Array
+from mobman.errors import UsageError
 from mobman.simulation.pieces import (
     EachPositive,
     Piece,
@@ -72,8 +73,14 @@ class ActuationChain:
         """Command a torque, shape (nz,), at the next tick."""
         self.limited = False
         for stage in self._stages:
-            torque, limited = stage.apply(torque)
-            self.limited |= limited
+            given = stage.apply(torque)
+            if not isinstance(given, tuple) or len(given) != 2:
+                raise UsageError(
+                    f"actuation: {stage.apply!r} gave {given!r}; expected the torque, and whether it "
+                    "met a limit"
+                )
+            torque, limited = given
+            self.limited |= bool(limited)
         self._under_way.append(torque.copy())
         self.early = self.late
         if len(self._under_way) > self._whole:

@@ -10,6 +10,7 @@ from support.runs import Torque
 from support.settings import setting
 
 import mobman as mm
+from mobman.simulation.actuation import ActuationChain, Stage
 from mobman.simulation.scenario import Scenario
 
 LARGE = 1e9
@@ -211,3 +212,9 @@ def test_run_that_diverges_under_a_delay_says_when(youbot):
     record = _run(youbot, lambda t: np.full(5, 1e7), {"type": "delay", "delay": 1.5e-3})
     assert record.status == "diverged"
     assert "t = 0.00" in record.message
+
+
+def test_a_stage_that_does_not_tell_whether_it_met_a_limit_is_named():
+    chain = ActuationChain([Stage(apply=lambda torque: torque)], 1e-3, 2)
+    with pytest.raises(mm.MobmanError, match=r"lambda.* gave array.*whether it met a limit"):
+        chain.take(np.zeros(2))
