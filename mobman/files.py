@@ -102,7 +102,7 @@ def is_abandoned(temporary: Path) -> bool:
         os.kill(int(parts[1]), 0)
     except ProcessLookupError:
         return True
-    except (ValueError, PermissionError):
+    except (ValueError, OverflowError, PermissionError):
         return False
     return False
 

@@ -15,6 +15,7 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import TYPE_CHECKING, NamedTuple
 
 from mobman.benchmark.backends import Backend, Cluster, Local, default_workers
@@ -160,7 +161,7 @@ def run_suite(
     if not isinstance(suite, Suite):
         suite = load_suite(suite)
     limit = suite.time_limit if time_limit is None else time_limit
-    if not limit > 0:
+    if not (isinstance(limit, Real) and limit > 0):
         raise UsageError(f"time_limit = {limit!r}: must be above 0 s")
     given = {"executor": executor, "workers": workers, "dask": dask}
     chosen = [name for name, value in given.items() if value is not None]
@@ -168,8 +169,16 @@ def run_suite(
         raise UsageError(f"{' and '.join(chosen)} are given: choose one of them")
     if workers is not None and not (isinstance(workers, int) and workers >= 1):
         raise UsageError(f"workers = {workers!r}: must be a whole number, 1 or more")
-    if part is not None and not 1 <= part[0] <= part[1]:
-        raise UsageError(f"part {part[0]}/{part[1]}: the first number must be from 1 to the second")
+    numbers = isinstance(part, tuple | list) and [k for k in part if isinstance(k, int)]
+    if part is not None and not (numbers and len(numbers) == 2 and 1 <= numbers[0] <= numbers[1]):
+        raise UsageError(f"part = {part!r}: must be whole numbers (k, n), k from 1 to n")
+    for name, value, fine, expected in (
+        ("on_event", on_event, callable(on_event), "a function"),
+        ("dask", dask, isinstance(dask, str), "the address of a scheduler"),
+        ("executor", executor, isinstance(executor, Executor) or callable(executor), "an executor"),
+    ):
+        if value is not None and not fine:
+            raise UsageError(f"{name} = {value!r}: expected {expected}")
     tell = on_event or (lambda event: None)
     asked = suite.runs()
     runs = asked if part is None else asked[part[0] - 1 :: part[1]]

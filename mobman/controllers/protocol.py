@@ -118,6 +118,14 @@ def make_controller(name: str, **gains: Any) -> Controller:
     return made
 
 
+def settings_of(controller: Controller) -> dict[str, Any]:
+    """The settings that a controller reports, if any; UsageError if they are no dictionary."""
+    settings: Any = getattr(controller, "settings", dict)()
+    if not isinstance(settings, Mapping):
+        raise UsageError(f"the controller's settings are {settings!r}: expected a dictionary")
+    return dict(settings)
+
+
 def information_of(name: str, gains: Mapping[str, Any] | None = None) -> tuple[str, ...] | None:
     """The information that a controller uses, in the order of :data:`INFORMATION`.
 

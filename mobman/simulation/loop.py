@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from time import perf_counter
 from typing import Any
 
@@ -83,13 +83,39 @@ class Samples:
         """The rows of a signal whose values have a shape.
 
         Raises:
-            UsageError: If it has the name of a part of the record.
+            UsageError: If it has the name of a part of the record, or none for a dataset.
         """
         if name not in self.signals:
-            if name.split("/")[0] in {*OWN_PLACES, APPLIED}:
+            parts = str(name).split("/")
+            if parts[0] in {*OWN_PLACES, APPLIED}:
                 raise UsageError(f"the signal {name!r} has the name of a record's own part")
+            within = [(f"{name}/", f"{one}/") for one in self.signals]
+            within = [
+                one for one in within if one[0].startswith(one[1]) or one[1].startswith(one[0])
+            ]
+            if (
+                not isinstance(name, str)
+                or "\0" in name
+                or not all(part.strip(".") for part in parts)
+                or within
+            ):
+                raise UsageError(
+                    f"a signal has the name {name!r}; allowed: text, with '/' between parts of which "
+                    "none is empty, and the whole no part of another signal's"
+                )
             self.signals[name] = np.full((len(self.q), *shape), np.nan)
         return self.signals[name]
+
+    def keep_signal(self, tick: int, name: str, value: Any) -> None:
+        """Keep a signal's value at a tick; UsageError if it is no number, or not of its shape."""
+        try:
+            self.rows_of_signal(name, np.shape(value))[tick] = value
+        except MobmanError:
+            raise
+        except (TypeError, ValueError) as error:
+            raise UsageError(
+                f"the signal {name!r} is {value!r}: must be numbers, of one shape at every tick"
+            ) from error
 
     def ended(self, t: float, reason: str, status: str = "diverged") -> None:
         """End the run at t (s)."""
@@ -266,8 +292,12 @@ class Loop:
             if self._actuation is not None:
                 self._actuate(self._actuation, tick)
             if report is not None:
-                for name, value in report().items():
-                    samples.rows_of_signal(name, np.shape(value))[tick] = value
+                if not isinstance(reported := report(), Mapping):
+                    raise UsageError(
+                        f"the controller's signals are {reported!r}: expected a dictionary"
+                    )
+                for name, value in reported.items():
+                    samples.keep_signal(tick, name, value)
             if observe is not None and tick % stride == 0:
                 observe(t, q.copy(), z.copy(), v.copy())
             if tick < ticks and (diverged := advance(t)) is not None:

@@ -24,7 +24,7 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.controllers.gains import as_settings
-from mobman.controllers.protocol import Controller, controllers, make_controller
+from mobman.controllers.protocol import Controller, controllers, make_controller, settings_of
 from mobman.errors import MobmanError, RecordError, UnknownNameError
 from mobman.model.build import build_robot
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -223,7 +223,7 @@ def _law_of(given: Controller | str, controller: Controller) -> tuple[str, dict[
     problem = f"the gains of its controller, a {law.__name__}, are more than numbers"
     given_settings = as_settings(gains)
     # as the law reports them after the run, so that later defaults change nothing
-    in_force = dict(getattr(controller, "settings", dict)())
+    in_force = settings_of(controller)
     for settings in (in_force, given_settings):
         try:
             same = _through_json(settings) == settings == as_settings(law.Gains(**settings))

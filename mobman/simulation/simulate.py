@@ -13,7 +13,7 @@ import numpy as np
 
 from mobman.arrays import LARGEST, SMALLEST, Array
 from mobman.compiled import worth_joining
-from mobman.controllers.protocol import Controller, make_controller
+from mobman.controllers.protocol import Controller, make_controller, settings_of
 from mobman.errors import UsageError
 from mobman.model.build import load_robot
 from mobman.model.mobile_manipulator import MobileManipulator
@@ -194,7 +194,7 @@ def _record(loop: Loop, run: RunSpec, urdf: dict[str, bytes]) -> Record:
         if found:
             message = "; ".join(filter(None, (message, str(found))))
             singularity = found.as_recorded()
-    settings: dict[str, Any] = getattr(controller, "settings", dict)()
+    settings = settings_of(controller)
     if samples.applied is not None:
         signals[APPLIED] = done.torque
     if run.monitor:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import inspect
+import math
 import sys
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from numbers import Real
 from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
 
@@ -303,7 +305,8 @@ def task_map_of(task: Task) -> TaskMap:
 
     Raises:
         UsageError: If ``desired`` does not give four vectors of shapes that :class:`Task` allows, or its
-            quaternion, its axis or ``tip_axis`` has another length than 1.
+            quaternion, its axis or ``tip_axis`` has another length than 1; if they are not finite
+            numbers, or ``period`` or ``duration`` is no time.
     """
     if not isinstance(task, Task):
         raise UsageError(
@@ -321,12 +324,26 @@ def task_map_of(task: Task) -> TaskMap:
     if found.m > 3:
         what = "quaternion" if found.m == 6 else "axis"
         _unit(parts[0][3:], name, f"the desired {what} at t = 0 s")
+    try:
+        finite = bool(np.isfinite(np.concatenate(parts).astype(float)).all())
+    except (TypeError, ValueError):
+        finite = False
+    if not finite:
+        given = " ".join(repr(parts).split())
+        raise UsageError(f"desired(t) of {name} gave {given} at t = 0 s; needed: finite numbers")
+    for what in ("period", "duration"):
+        time = getattr(task, what, None)
+        if time is not None and not (isinstance(time, Real) and 0.0 <= float(time) < math.inf):
+            raise UsageError(f"task {name}: {what} is {time!r}; allowed: a time (s), or None")
     return found
 
 
 def _unit(vector: Any, name: str, what: str = "tip_axis") -> Any:
-    numbers = np.asarray(vector, dtype=float)
-    if numbers.shape != (len(vector),) or not abs(numbers @ numbers - 1.0) <= UNIT:
+    try:
+        numbers = np.asarray(vector, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"task {name}: {what} is {vector!r}; needed: numbers") from error
+    if numbers.ndim != 1 or not abs(numbers @ numbers - 1.0) <= UNIT:
         raise UsageError(
             f"task {name}: {what} is {numbers.tolist()}, of length {np.linalg.norm(numbers):.6g}; "
             "needed: length 1"

@@ -37,6 +37,7 @@ from mobman.viewer.page import LOOPBACK, PageServer, document, save_film, save_p
 Viewable = Record | MobileManipulator | RobotSpec | Mapping[str, Any] | str | os.PathLike[str]
 """A run or its file, or a robot in any form that :func:`mobman.load_robot` takes."""
 
+_SHOWN = (Record, MobileManipulator, RobotSpec, Mapping, str, os.PathLike)
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEIGHT = 620  # pixels, in a notebook
 _RATED = 1.0  # Time over which the rate of a live run is taken (s)
@@ -195,12 +196,15 @@ def make_scene(
 ) -> scenes.Scene:
     """Make the scene that :func:`view` shows, as plain data; it warns and raises as that."""
     scenes.check_view(time, layout)
-    single = isinstance(what, (Record, MobileManipulator, RobotSpec, Mapping, str, os.PathLike))
+    single = isinstance(what, _SHOWN)
     if not single and not isinstance(what, Iterable):
         raise UsageError(f"{what!r} cannot be shown: give a robot, a run, or several runs")
     things: list[Any] = [what] if single else list(what)  # type: ignore[arg-type]
     if not things:
         raise UsageError("there is nothing to show: give a robot, a run, or several runs")
+    for thing in things:
+        if not isinstance(thing, _SHOWN):
+            raise UsageError(f"{thing!r} cannot be shown: give a robot, a run, or several runs")
     found = [_run(thing) for thing in things]
     runs = [run for run in found if run is not None]
     robots = [thing for thing, run in zip(things, found, strict=True) if run is None]

@@ -77,6 +77,51 @@ def test_own_controller_is_recorded_by_its_name_settings_and_signals(youbot, tmp
         assert np.array_equal(back.signals[name], record.signals[name])
 
 
+@pytest.mark.parametrize(
+    ("signals", "words"),
+    [
+        ({"q": 1.0}, "the signal 'q' has the name of a record's own part"),
+        ({"metrics/x": 1.0}, "the signal 'metrics/x' has the name of a record's own part"),
+        *(
+            ({name: 1.0}, "a signal has the name .*; allowed: text")
+            for name in (5, "", "a//b", "a\0")
+        ),
+        ({"a": 1.0, "a/b": 1.0}, "a signal has the name 'a/b'; .*no part of another signal's"),
+        ({"a/b": 1.0, "a": 1.0}, "a signal has the name 'a'; .*no part of another signal's"),
+        ({"a": "x"}, "the signal 'a' is 'x': must be numbers"),
+        ({"a": [[1.0], [1.0, 2.0]]}, "the signal 'a' is .*: must be numbers, of one shape"),
+        (5, "the controller's signals are 5: expected a dictionary"),
+    ],
+    ids=str,
+)
+def test_signals_that_no_file_can_hold_are_refused(youbot, signals, words):
+    """At the first tick, not when the record is saved."""
+    controller = Upright()
+    controller.signals = lambda: signals
+    with pytest.raises(UsageError, match=words):
+        mm.simulate(youbot, controller, "circle", duration=0.01)
+
+
+@pytest.mark.parametrize(
+    ("torque", "words"),
+    [
+        ("abc", "is 'abc': it must be numbers"),
+        ([1j] * 5, "it must be numbers"),
+        ([1.0], "5 m"),
+    ],
+)
+def test_torques_that_are_none_are_refused(youbot, torque, words):
+    with pytest.raises(UsageError, match=f"the controller's torque .*{words}"):
+        mm.simulate(youbot, Torque(lambda t: torque), "circle", duration=0.01)
+
+
+def test_settings_that_are_no_dictionary_are_refused(youbot):
+    controller = Upright()
+    controller.settings = lambda: 5
+    with pytest.raises(UsageError, match="the controller's settings are 5: expected a dictionary"):
+        mm.simulate(youbot, controller, "circle", duration=0.01)
+
+
 def test_settings_that_json_cannot_hold_are_recorded_as_text(youbot, tmp_path):
     class Odd(Upright):
         def settings(self):

@@ -55,6 +55,28 @@ def test_wrong_shapes_are_told(parts):
         task_map_of(Fixed(*parts))
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {"parts": ([np.nan] * 3, *np.zeros((3, 3)))},
+            r"gave \(\[nan.* at t = 0 s; needed: finite",
+        ),
+        ({"parts": (["a"] * 3, *np.zeros((3, 3)))}, "needed: finite numbers"),
+        ({"period": "x"}, "task Fixed: period is 'x'; allowed: a time"),
+        ({"duration": -1.0}, "task Fixed: duration is -1.0; allowed: a time"),
+        ({"duration": np.inf}, "task Fixed: duration is inf; allowed: a time"),
+        ({"tip_axis": "x"}, "task Fixed: tip_axis is 'x'; needed: numbers"),
+    ],
+    ids=str,
+)
+def test_what_is_no_number_or_time_is_told(change, words):
+    task = Fixed(*np.zeros((4, 3)))
+    vars(task).update(change)
+    with pytest.raises(UsageError, match=words):
+        task_map_of(task)
+
+
 def test_other_dimensions_are_refused():
     with pytest.raises(UsageError, match="4 components and its derivatives 4; allowed: 3"):
         task_map_of(Fixed(*np.zeros((4, 4))))
