@@ -14,6 +14,7 @@ import pinocchio as pin
 import pytest
 from click.testing import CliRunner
 from jsonschema import Draft202012Validator
+from support.variants import youbot_urdf, youbot_with_urdf
 
 import mobman as mm
 from mobman.bridges.export import export
@@ -240,6 +241,13 @@ def test_command_writes_and_replaces_nothing_without_force(run, tmp_path):
     assert (tmp_path / "run.csv").stat().st_size == size
     done = CliRunner().invoke(mobman, ["export", "youbot", "-o", str(tmp_path / "robot.urdf")])
     assert "does not end in .csv or .mcap or .xml" in str(done.exception)
+
+
+def test_an_inertia_of_no_body_is_made_one_and_said(tmp_path):
+    text = youbot_urdf().replace('ixx="0.0016" iyy="0.0118"', 'ixx="0.0016" iyy="0.9"')
+    assert text != youbot_urdf()
+    (remark,) = export(mm.load_robot(youbot_with_urdf(tmp_path, text)), tmp_path / "robot.xml")
+    assert remark == "the inertia of y_3 is that of no body; two moments are larger"
 
 
 @pytest.mark.parametrize(

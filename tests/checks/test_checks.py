@@ -18,6 +18,7 @@ ARM_3_MOMENTS = 'ixx="0.0016" iyy="0.0118" izz="0.0118"'
 LIMIT_2 = '<limit lower="-1.5708" upper="1.5708" effort="9.5" velocity="1.5708"/>'
 TIP = '<link name="tip"/>'
 WHEEL_SHAPE = '<geometry><cylinder radius="0.05" length="0.044"/></geometry>'
+_MASSES = dict.fromkeys(re.findall(r'<mass value="([^"]*)"', youbot_urdf()))
 WHEEL_1 = re.search(r'<link name="wheel_1">.*?</link>', youbot_urdf(), re.DOTALL).group()
 
 
@@ -105,6 +106,20 @@ FIRES = {
          '<origin xyz="0.033 0 0"/><axis xyz="0 1 0"/>':
          '<origin xyz="0 0 0"/><axis xyz="0 0 1"/>'}, {},
         "inertias", "wrong", ["condition"], ["<inertial>", "changed.urdf"],
+    ),
+    "moments without mass": (
+        {TIP: '<link name="tip"><inertial><mass value="0"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" '
+              'iyz="0" izz="1"/></inertial></link>'}, {},
+        "inertias", "warning", ["moments of inertia without mass", "tip"], ["<mass>", "changed.urdf"],
+    ),
+    "a robot of grams": (
+        {f'<mass value="{mass}"/>': '<mass value="0.001"/>' for mass in _MASSES}, {},
+        "inertias", "warning", ["the robot weighs 0.0", "kg in all"], ["<mass>", "changed.urdf"],
+    ),
+    "rest in degrees where there is no limit": (
+        {LIMIT_2: LIMIT_2.replace('"-1.5708"', '"-inf"').replace('"1.5708"', '"inf"', 1)},
+        {"rest__y_2": 90.0},
+        "limits", "warning", ["y_2", "rests at 90 rad"], ["rest.y_2", "degrees"],
     ),
     "no effort": (
         {LIMIT_2: LIMIT_2.replace("9.5", "0")}, {},

@@ -8,7 +8,7 @@ from support.differences import derivative, jacobian, relative
 
 import mobman as mm
 from mobman.errors import GainError
-from mobman.model.criterion import criteria
+from mobman.model.criterion import Posture, Sum, criteria
 from mobman.model.joint_limits import LimitZones
 from mobman.simulation.rerun import repeat
 
@@ -45,6 +45,23 @@ def test_its_derivatives(robot):
         largest = max(largest, np.abs(term.gradient(q)).max())
     assert largest > 0.1
     assert not np.any(term.gradient(next(deep_states(robot, middle=True))[0]))
+
+
+def test_a_sum_is_that_of_its_parts_however_it_is_asked_for(robot):
+    """Laws ask for single derivatives, the extended Jacobian for all at once."""
+    posture = Posture.of(robot)
+    terms = [criteria.get("joint-limits")(weight=w, zone=0.3).on(robot) for w in (0.5, 2.0)]
+    whole, (q, q_dot) = Sum(posture, terms), next(deep_states(robot))
+    found = np.zeros(robot.nq), *np.zeros((2, robot.nq, robot.nq))
+    whole.entry(q, q_dot, *found)()
+    for name, given, together in (
+        ("gradient", (q,), found[0]),
+        ("hessian", (q,), found[1]),
+        ("hessian_rate", (q, q_dot), found[2]),
+    ):
+        parts = [getattr(part, name)(*given) for part in (posture, *terms)]
+        assert np.allclose(getattr(whole, name)(*given), np.sum(parts, axis=0), rtol=1e-15)
+        assert np.allclose(together, np.sum(parts, axis=0), rtol=1e-15)
 
 
 def test_at_a_limit_it_is_as_stiff_as_a_weight(tiago):
