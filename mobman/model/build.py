@@ -405,6 +405,11 @@ def _check(robot: MobileManipulator) -> None:
     where = robot.spec.where
     if robot.n == 0:
         raise SpecError(f"{where}: no joint is left for the arm; see field 'urdf.lock'")
+    if robot.nq < 2:
+        raise SpecError(
+            f"{where}: {robot.joint_names[0]!r} is its only joint; needed: two or more, since a task of "
+            "the tip has two coordinates or more"
+        )
     lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
     followed = {one.joint: f" (it follows {one.of!r})" for one in robot.followers}
     for i in np.flatnonzero((robot.q_rest < lower) | (robot.q_rest > upper)):

@@ -46,7 +46,7 @@ class _Model:
 
     def __init__(self, model: ET.Element, version: str, where: str) -> None:
         self._model, self._where = model, where
-        self._version = tuple(int(part) for part in version.split(".") if part.isdigit())
+        self._version = tuple(int(part) for part in version.split(".") if part.isdecimal())
         self.robot = ET.Element("robot", name=model.get("name", ""))
         self.said: list[str] = []
         self._frames: dict[str, tuple[str, pin.SE3]] = {_MODEL: ("", pin.SE3.Identity())}
@@ -128,8 +128,11 @@ class _Model:
         if element is None or not text.strip():
             return pin.SE3.Identity()
         values, quaternion = numbers(text), element.get("rotation_format") == "quat_xyzw"
-        if values is None or len(values) != (7 if quaternion else 6):
-            raise self._wrong(f"<pose> of {owner!r} is {element.text!r}; allowed: 6 finite numbers")
+        count = 7 if quaternion else 6
+        if values is None or len(values) != count or (quaternion and not any(values[3:])):
+            which = " (of a quaternion that is not 0)" if quaternion else ""
+            allowed = f"{count} finite numbers{which}"
+            raise self._wrong(f"<pose> of {owner!r} is {element.text!r}; allowed: {allowed}")
         if quaternion:
             x, y, z, w = values[3:]
             rotation = pin.Quaternion(w, x, y, z).normalized().toRotationMatrix()
@@ -176,6 +179,9 @@ class _Model:
             self.said.append(f"a URDF has no geometry {tag!r}: {use} {name!r} is left out")
             return
         own = {child.tag: " ".join((child.text or "").split()) for child in shape}
+        if shape.tag == "capsule":  # with SDF's defaults
+            sizes = (("radius", 0.5), ("length", 1.0))
+            own = {key: repr(self._number(shape, key, usual)) for key, usual in sizes}
         if shape.tag == "mesh":
             own = {"filename": _text(shape, "uri"), "scale": own.get("scale") or "1 1 1"}
         compose.add_shape(link, use, shape.tag, own, at)

@@ -171,6 +171,8 @@ def both_urdf_and_body(robot: GoodRobot) -> None:
     robot.change_toml("[arm]", f"{body}\n[arm]")
 
 
+FIXED = '[platform]\ntype = "fixed"\n\n'
+
 # What it says of the URDF
 
 
@@ -197,6 +199,13 @@ def locked_wheel(robot: GoodRobot) -> None:
 @case(ROBOT, "no joint is left for the arm", "'urdf.lock'")
 def locked_arm(robot: GoodRobot) -> None:
     robot.change_toml('"*_finger_joint"', '"*_finger_joint", "lift", "shoulder", "elbow"')
+
+
+@case(ROBOT, "'elbow' is its only joint", "two or more")
+def one_joint_alone(robot: GoodRobot) -> None:
+    robot.change_toml(TOML[TOML.index("[platform]") : TOML.index("[arm]")], FIXED)
+    robot.change_toml("lift = 0.1", "")
+    robot.change_toml('"*_finger_joint"', '"*_joint", "lift", "shoulder"')
 
 
 @case(ROBOT, "'platform.left_wheel' is missing")

@@ -143,6 +143,10 @@ MODEL = """<sdf version="1.9"><model name="m"><link name="base"/><link name="a"/
 </joint>{more}</model>{beside}</sdf>"""
 
 
+QUATERNION = '<link name="b"><pose rotation_format="quat_xyzw">{}</pose></link>'
+SHAPE = '<link name="b"><collision name="c"><geometry>{}</geometry></collision></link>'
+
+
 @pytest.mark.parametrize(
     ("more", "beside", "words"),
     [
@@ -158,6 +162,18 @@ MODEL = """<sdf version="1.9"><model name="m"><link name="base"/><link name="a"/
             '<joint name="k" type="fixed"><parent>a</parent><child>z</child></joint>',
             "",
             "'z' is no link",
+        ),
+        (QUATERNION.format("0 0 1 0 0 0"), "", r"'b' is '0 0 1 0 0 0'; allowed: 7 finite numbers"),
+        (QUATERNION.format("0 0 1 0 0 0 0"), "", "a quaternion that is not 0"),
+        (
+            SHAPE.format("<capsule><radius>x</radius></capsule>"),
+            "",
+            "<radius> is 'x'; allowed: a nu",
+        ),
+        (
+            '<frame name="f" attached_to="g"/><frame name="g" attached_to="f"/>',
+            "",
+            "'f' is defined b",
         ),
         ('<link name="a"/>', "", "'a' has no name, or one that is there already"),
         ("", '<model name="n"><joint name="i" type="prismatic"/></model>', "2 models with joints"),
@@ -183,6 +199,27 @@ def test_messages_of_inference_name_the_sdf_file(tmp_path, more, words):
         mm.load_robot(tmp_path / "m.sdf")
     assert str(tmp_path / "m.sdf") in str(error.value).partition(words)[0]
     assert "m.urdf" not in str(error.value)
+
+
+def test_frames_on_joints_quaternions_and_usual_sizes(tmp_path):
+    """A frame is on the link that a joint moves, through other frames; a capsule has SDF's sizes."""
+    half = np.sqrt(0.5)
+    more = (
+        SHAPE.format("<capsule/>").replace("<link name=", '<link name="c"/><link name=', 1)
+        + '<joint name="k" type="fixed"><parent>a</parent><child>b</child></joint>'
+        + f'<joint name="l" type="revolute"><parent>b</parent><child>c</child>'
+        f'<pose rotation_format="quat_xyzw">0 0 1 0 0 {half} {half}</pose><axis><mimic joint="j">'
+        "<multiplier>2</multiplier><offset>1</offset><reference>0.5</reference></mimic></axis></joint>"
+        '<frame name="f" attached_to="g"/><frame name="g" attached_to="l"/>'
+    )
+    (tmp_path / "m.sdf").write_text(MODEL.format(more=more, beside="").replace("1.9", "1.x"))
+    robot = incoming(tmp_path / "m.sdf").file.parse()
+    joints = {joint.get("name"): joint for joint in robot.iter("joint")}
+    assert joints["f_fixed"].find("parent").get("link") == "c"
+    assert np.allclose(placed(joints["l"]).rotation, pin.utils.rotate("z", np.pi / 2))
+    assert joints["l"].find("mimic").attrib == {"joint": "j", "multiplier": "2.0", "offset": "0.0"}
+    (cylinder,) = robot.findall("link[@name='b']/collision/geometry/cylinder")
+    assert cylinder.attrib == {"radius": "0.5", "length": "1.0"}
 
 
 def test_what_a_urdf_cannot_hold_is_said(tmp_path):
