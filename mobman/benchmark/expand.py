@@ -268,7 +268,10 @@ class _Expansion:
             try:
                 found |= dict.fromkeys(chosen(f"{kind} in {where}", pattern, names, table.members))
             except UnknownNameError as error:
-                self.note(str(error))
+                if (
+                    [] not in table.members.values()
+                ):  # else it may be of a grid that is noted itself
+                    self.note(str(error))
         return list(found)
 
     def _chosen_robots(self, where: str, patterns: Sequence[str]) -> list[str]:
@@ -503,7 +506,7 @@ def _set(content: Any, path: str, value: Any) -> None:
 
 
 def _item(here: Any, part: str, path: str) -> Any:
-    if isinstance(here, list) and part.isdigit() and int(part) < len(here):
+    if isinstance(here, list) and part.isdecimal() and int(part) < len(here):
         return here[int(part)]
     raise UsageError(f"grid field {path!r}: {part!r} is not in {here!r}")
 

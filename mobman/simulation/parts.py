@@ -144,7 +144,7 @@ def robot_of(
     """A robot from its description and the URDFs in the record whose places have a prefix; RecordError
     if it cannot be built."""
     own = [key.removeprefix(prefix).split("/", 1) for key in urdf if key.startswith(prefix)]
-    names = dict(sorted((int(i), name) for i, name in own if i.isdigit()))
+    names = dict(sorted((int(i), name) for i, name in own if i.isdecimal()))
     files = [UrdfFile(Path(name), (), urdf[f"{prefix}{i}/{name}"]) for i, name in names.items()]
     with refused("its robot cannot be built"):
         spec = as_spec({**described, "folder": Path(), "file": None})

@@ -63,10 +63,33 @@ def test_entries_of_a_grid_share_nothing():
     assert [entry["list"][0]["a"] for entry in found.values()] == [1, 2]
 
 
-@pytest.mark.parametrize("path", ["list.7.a", "list.b", "number.a"])
+@pytest.mark.parametrize("path", ["list.7.a", "list.b", "list.²", "number.a"])
 def test_a_grid_within_what_has_no_such_part_is_refused(path):
     with pytest.raises(UsageError, match="grid field"):
         expand("x", {"list": [{"a": 1}], "number": 3}, {path: [1]})
+
+
+def test_a_grid_may_change_an_entry_of_a_list_and_truth_values():
+    found = expand("x", {"list": [1, 2]}, {"list.1": [5], "on": [True, False]})
+    assert found == {
+        "x-5-true": {"list": [1, 5], "on": True},
+        "x-5-false": {"list": [1, 5], "on": False},
+    }
+
+
+@pytest.mark.parametrize(
+    ("others", "fault"),
+    [
+        ({"tsm-1": {"law": "tsm"}}, "controllers.tsm-1: 'tsm-1' is the name of another entry, too"),
+        ({}, "controllers.tsm: grid: two of its entries are called 'tsm-1'"),
+    ],
+)
+def test_names_that_a_grid_gives_twice_are_one_fault(others, fault):
+    grid = {"a": [1.0, 2.0] if others else [1.0, 1.0]}
+    controllers = {"tsm": {"law": "tsm", "grid": grid}, **others}
+    with pytest.raises(SpecError) as caught:
+        suite_of_laws(["tsm"], controllers=controllers).runs()
+    assert str(caught.value) == f"suite 'laws': {fault}"
 
 
 def test_a_grid_of_more_than_can_be_listed_is_refused():
