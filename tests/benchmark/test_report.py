@@ -26,7 +26,9 @@ from mobman.benchmark.report.format import (
     metric_value,
     moment,
     number,
+    rank_range,
     setting,
+    span,
 )
 from mobman.benchmark.report.gains import settings_of
 from mobman.benchmark.report.report import write_report
@@ -452,6 +454,9 @@ def test_texts():
     assert moment("2024-05-01T14:00:00+02:00") == "2024-05-01 12:00 UTC"
     assert moment("yesterday") == "yesterday"
     assert setting([1.0, 0.05]) == "[1, 0.05]"
+    assert span([1e-3, 2e-3, 1e-3], 1e3, "ms") == "1 and 2 ms"
+    assert span([i * 1e-3 for i in range(1, 8)], 1e3, "ms") == "1 to 7 ms (7 values)"
+    assert rank_range(None) == "–"
     assert setting(None) == "the robot's own"
     assert html_text("|e^e| < 1 m^2") == "|<i>e</i><sup>e</sup>| &lt; 1 m<sup>2</sup>"
     assert markdown_text("a | b\n<c>") == r"a \| b \<c\>"

@@ -191,6 +191,28 @@ def test_what_is_not_done_is_no_failure():
     assert "nothing is compared" in "\n".join(said_of(runs, none))
 
 
+def test_the_summary_of_odd_results():
+    """Nothing tried, a success of its own for each of many, and none that completes every cell."""
+    runs = made_up_runs(THREE, SCENARIOS[:2])
+    said = said_of([lost_run(run, "not done yet", pending=True) for run in runs])
+    assert said[-1] == "No run was tried yet."
+    runs = [
+        made_up_run(f"law{i}", 1e-8 if j < i else 1e-2, scenario=scenario)
+        for i in range(9)
+        for j, scenario in enumerate(SCENARIOS[:9])
+    ]
+    assert "law4 in 4 of 9; …; law0 in none of 9." in "\n".join(said_of(runs))
+    ends = {("a", 2): math.inf, ("b", 2): math.inf}
+    runs = [
+        made_up_run(label, ends.get((label, j), 1e-8), scenario=scenario)
+        for label in "abc"
+        for j, scenario in enumerate(SCENARIOS[:4])
+        if (label, j) != ("c", 3)
+    ]
+    alone = "youbot, circle: of a and b, which alone ran in every cell, none completes all."
+    assert alone in said_of(runs)
+
+
 def test_the_leader_in_error_need_not_solve_most():
     errors = {"sharp": 1e-9, "steady": 1e-8}
     runs = made_up_runs(errors, SCENARIOS)
