@@ -283,6 +283,7 @@ def keep_urdf(name: str, content: bytes, files: Mapping[str, bytes] | None = Non
 _SECONDS, _HELPER_MEGABYTES = 30.0, 500.0
 _FORBIDDEN = re.compile(r"_.*|(gi|cr|ag|tb|f|co|func)_.*|mro|format|format_map")
 """Names of attributes that lead from a value to the interpreter."""
+_TWICE = re.compile(r"^(?:<class '[^']*'>: )?(.+) \1$")  # as xacro tells some errors
 _BANNER = re.compile(r"<!--\s*(=+|\|.*?\|)\s*-->\s*", re.DOTALL)
 
 
@@ -347,7 +348,10 @@ def expand(path: str, arguments: dict[str, str], folders: list[str]) -> list[Any
     except RecursionError:
         raise MobmanError("its macros or properties call each other without end") from None
     except Exception as error:  # the package raises what its parser, yaml and expressions raise
-        raise MobmanError(" ".join(str(error).split()) or type(error).__name__) from None
+        if isinstance(cause := getattr(error, "exc", error), MemoryError):
+            raise cause from None
+        text = _TWICE.sub(r"\1", " ".join(str(error).split()))
+        raise MobmanError(text or type(error).__name__) from None
     finally:
         os.environ.update(before)
         xacro.safe_eval, substitution._eval, substitution._eval_find = kept

@@ -72,8 +72,10 @@ class _Conversion:
         roots = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
         moving = [b for b in roots if any(self._hinges(k) for k in self._tree(b))]
         if len(moving) != 1:
-            named = f" ({listed(self._name('body', b) for b in moving)})" if moving else ""
-            raise MobmanError(f"it has {len(moving)} robots{named}; allowed: one")
+            named = (
+                listed(self._name("body", b) for b in moving) or "no body has a hinge or a slide"
+            )
+            raise MobmanError(f"it has {len(moving)} robots ({named}); allowed: one")
         root, bodies = moving[0], list(self._tree(moving[0]))
         if self._joints(root) and not self._free(root):
             self._link("world")

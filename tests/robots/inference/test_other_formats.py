@@ -159,12 +159,37 @@ def test_an_mjcf_file(tmp_path):
     assert len(list(file.parse().iter("sphere"))) == 3  # two ends of a capsule, one of the hand
 
 
-def test_an_mjcf_file_that_is_wrong(tmp_path):
+ONE = '<body name="{0}"><joint name="j{0}"/><geom size="1"/></body>'
+COUPLED = (
+    '<body name="a"><joint type="ball"/><geom size="1"/><body><joint name="j" stiffness="1"/>'
+    '<geom type="ellipsoid" size="1 1 2"/></body></body></worldbody><equality><joint joint1="j" '
+    'polycoef="0 1 0 0 0"/></equality><tendon><fixed><joint joint="j" coef="1"/></fixed></tendon>'
+    "<worldbody>"
+)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "words"),
+    [
+        ('<body><joint type="screw"/></body>', "invalid keyword"),
+        ("", r"it has 0 robots \(no body has a hinge or a slide\); allowed: one"),
+        (ONE.format("a") + ONE.format("b"), r"it has 2 robots \(a, b\); allowed: one"),
+    ],
+)
+def test_an_mjcf_file_that_is_wrong(tmp_path, bodies, words):
     pytest.importorskip("mujoco")
     path = tmp_path / "bad.xml"
-    path.write_text('<mujoco><worldbody><body><joint type="screw"/></body></worldbody></mujoco>')
-    with pytest.raises(SpecError, match=r"bad.xml cannot be taken"):
+    path.write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    with pytest.raises(SpecError, match=rf"bad.xml cannot be taken: .*{words}"):
         incoming(path)
+
+
+def test_what_an_mjcf_file_has_more_than_a_urdf_is_said(tmp_path):
+    pytest.importorskip("mujoco")
+    (tmp_path / "m.xml").write_text(f"<mujoco><worldbody>{COUPLED}</worldbody></mujoco>")
+    said = "; ".join(incoming(tmp_path / "m.xml").said)
+    for what in ("ball joint", "spring: j", "ellipsoid", "curve: equality0", "tendons: 1 are left"):
+        assert what in said
 
 
 def test_motors_hold_the_rest_posture_where_they_can(tmp_path):

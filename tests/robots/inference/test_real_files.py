@@ -372,6 +372,12 @@ def test_xacro_is_expanded(mobman_robots, tmp_path):
         ('<xacro:include filename="$(find nowhere)/a.xacro"/>', "'nowhere'"),
         ('<link name="${1/0}"/>', "division"),
         ('<link name="${undefined_name}"/>', "undefined_name"),
+        ('<link name="$(eval 1/0)"/>', "expanded by xacro: division by zero"),
+        (
+            '<xacro:include filename="$(find no)/a"/>',
+            "expanded by xacro: $(find no): there is no pa",
+        ),
+        ("<link name=\"${'a' * 10**10}\"/>", "it takes more than"),
     ],
 )
 def test_xacro_reaches_nothing_of_the_interpreter(mobman_robots, tmp_path, rest, words):
