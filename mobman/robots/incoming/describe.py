@@ -129,7 +129,8 @@ def _mounted(parts: Sequence[UrdfPart]) -> UrdfFile:
             if on.link is None:
                 links = ", ".join(link.get("name", "") for link in trees[0].findall("link"))
                 raise Undecided(f"which link carries {on.source}? Give --on; links: {links}")
-            mount = Mount(path=str(part.file.path), parent=on.link, prefix=on.prefix)
+            place = {"path": str(part.file.path), "parent": on.link, "prefix": on.prefix}
+            mount = validate(Mount, place, f"--mount {on.source}")
             mounted.append(Mounted(tree, mount, f"--mount {on.source}: field 'mount"))
     try:
         whole = compose(trees[0], mounted)

@@ -200,16 +200,21 @@ def _plain(path: Path, given: _Given) -> UrdfPart:
     return UrdfPart(UrdfFile(path, (*given.packages, *path.parents)))
 
 
-def _of_folder(folder: Path, given: _Given) -> UrdfPart:
-    """The only URDF of a folder, or else its only file ``*.urdf.xacro``."""
+def _of_folder(folder: Path, given: _Given, archive: Path | None = None) -> UrdfPart:
+    """The only URDF of a folder, or else its only file ``*.urdf.xacro``; messages speak of the archive
+    that was unpacked there."""
     files = list(_files(folder))
     found = [path for path in files if path.suffix.lower() == ".urdf"]
     found = found or [path for path in files if path.name.lower().endswith(".urdf.xacro")]
     if not found:
-        raise UsageError(f"there is no URDF in the folder {folder.resolve()}")
+        place = f"folder {folder.resolve()}" if archive is None else f"archive {archive}"
+        raise UsageError(f"there is no URDF in the {place}")
     if len(found) > 1:
         names = listed(str(path.relative_to(folder)) for path in found)
-        raise UsageError(f"{folder} has {len(found)} robots: name one of {names}")
+        within = "" if archive is None else f", in {folder}, where it is unpacked"
+        raise UsageError(
+            f"{archive or folder} has {len(found)} robots: name one of {names}{within}"
+        )
     only = _of_file(found[0], given)
     said = f"the robot of the folder {folder} is {found[0].relative_to(folder)}"
     return replace(only, said=(said, *only.said))
@@ -254,7 +259,7 @@ def _of_archive(path: Path, given: _Given) -> UrdfPart:
         raise SpecError(f"cannot read the archive {path}: {error}") from error
     except OSError as error:
         raise SpecError(f"cannot unpack the archive {path}: {error.strerror or error}") from error
-    only = _of_folder(folder, given)
+    only = _of_folder(folder, given, path)
     said = (f"{path.name} is unpacked to {folder}", *only.said[1:])
     return replace(only, made=True, said=said, origin=only.origin or only.file.path)
 

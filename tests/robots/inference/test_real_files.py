@@ -320,6 +320,31 @@ def test_an_archive_that_leads_outside_is_refused(mobman_robots, tmp_path, data_
     assert not list(tmp_path.rglob("evil*"))
 
 
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ({"a.txt": 1}, "there is no URDF in the archive {}"),
+        ({"a.urdf": 1, "in/b.urdf": 1}, "{} has 2 robots: name one of a.urdf, in/b.urdf, in /"),
+        ({f"{i}": 1 for i in range(20_001)}, "{} has 20001 files; allowed: 20000"),
+        ({"a.urdf": 2_100_000_000}, "{} unpacks to more than"),
+        ({}, "cannot read the archive {}: "),
+    ],
+    ids=["no URDF", "two", "many files", "large", "no archive"],
+)
+def test_archives_that_are_no_robot_are_refused_by_their_name(
+    mobman_robots, tmp_path, data_home, entries, words
+):
+    path = tmp_path / "some.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in entries:
+            archive.writestr(name, "x")
+        for entry in archive.infolist():
+            entry.file_size = entries[entry.filename]  # as it states, whatever it holds
+    if not entries:
+        path.write_bytes(b"PK\3\4" + b"x" * 100)
+    assert words.format(path) in refusal(mobman_robots("add", path))
+
+
 XACRO = """<robot name="cart" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <xacro:arg name="reach" default="0.2"/>
 <xacro:include filename="$(find parts)/arm.xacro"/>
@@ -455,6 +480,9 @@ def test_an_arm_on_a_link_that_is_not_there(mobman_robots, tmp_path):
     text = refusal(mobman_robots("add", base, "--mount", arm, "--on", "deck"))
     assert "'deck'" in text
     assert "base_link" in text
+    options = ("--on", "base_link", "--prefix", "a b")
+    text = refusal(mobman_robots("add", base, "--mount", arm, *options))
+    assert text.startswith(f"--mount {arm}: field 'prefix' is 'a b': ")
 
 
 # The user's robots
