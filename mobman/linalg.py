@@ -133,6 +133,23 @@ def cholesky_solve(lower: Matrix, b: Vector, x: Vector) -> None:
 
 
 @kernel
+def cholesky_solve_columns(lower: Matrix, x: Matrix, n: int) -> None:
+    """The first n columns of X = (L L^T)^-1 X, each as :func:`cholesky_solve` gives it."""
+    for i in range(lower.shape[0]):
+        for k in range(i):
+            for c in range(n):
+                x[i, c] -= lower[i, k] * x[k, c]
+        for c in range(n):
+            x[i, c] /= lower[i, i]
+    for i in range(lower.shape[0] - 1, -1, -1):
+        for c in range(n):
+            x[i, c] /= lower[i, i]
+        for k in range(i):
+            for c in range(n):
+                x[k, c] -= lower[i, k] * x[i, c]
+
+
+@kernel
 def solve(a: Matrix, b: Vector, x: Vector, work: Matrix) -> int:
     """x with A x = b, by Gaussian elimination with partial pivoting; not in the place of b.
 

@@ -108,6 +108,10 @@ def test_cholesky_solve(n):
     linalg.cholesky_solve(lower, b, x)
     assert np.allclose(a @ x, b, atol=1e-11 * np.abs(a).max())
     assert np.allclose(x, np.linalg.solve(a, b), rtol=1e-8, atol=1e-10)
+    columns = np.column_stack([2.0 * b, b, b + 1.0, np.full(n, np.nan)])
+    linalg.cholesky_solve_columns(lower, columns, 3)
+    assert np.array_equal(columns[:, 1], x)
+    assert np.isnan(columns[:, 3]).all()
     linalg.cholesky_solve(lower, b, b)  # in its own place
     assert np.array_equal(b, x)
 

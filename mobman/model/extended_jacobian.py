@@ -27,6 +27,7 @@ from mobman.linalg import (
     apply_transpose,
     cholesky,
     cholesky_solve,
+    cholesky_solve_columns,
     copy,
     dot,
     gram,
@@ -222,7 +223,7 @@ def coordinates(at: Given, own: Found) -> int:
     gram(own.j, own.lower)  # j j^T = L L^T
     if cholesky(own.lower, own.lower) != 0 or not well_posed(own.lower):
         return SINGULAR
-    if carry(own.j, own.lower, own.complement, own.rows, own.defect, own.work[0]) != 0:
+    if carry(own.j, own.lower, own.complement, own.rows, own.defect, own.j_rate) != 0:
         return GAUGE_LOST
     for i in range(m):
         own.f[i] = at.tip[i] if i < 3 else 0.0  # an orientation has no coordinates, but an error
@@ -285,19 +286,24 @@ def rates(at: Given, own: Found) -> None:
 
 @kernel
 def carry(
-    j: Matrix, lower: Matrix, complement: Matrix, projected: Matrix, defect: Matrix, work: Vector
+    j: Matrix, lower: Matrix, complement: Matrix, projected: Matrix, defect: Matrix, work: Matrix
 ) -> int:
     r"""The orthonormal rows of ker j nearest to ``complement``: polar(N Proj_ker j), in its place.
 
     Near the last configuration N N^T is I to second order in the step, and a few Newton-Schulz
-    iterations give the polar factor to working precision. GAUGE_LOST if it is not near.
+    iterations give the polar factor to working precision. GAUGE_LOST if it is not near. The work space
+    has the shape of j.
     """
     rows, nq = complement.shape
-    row = work[: j.shape[0]]
+    for i in range(j.shape[0]):
+        apply(complement, j[i], work[i])  # j N^T
+    cholesky_solve_columns(lower, work, rows)
     for i in range(rows):
-        apply(j, complement[i], row)
-        cholesky_solve(lower, row, row)
-        apply_transpose(j, row, projected[i])
+        for c in range(nq):
+            projected[i, c] = 0.0
+        for k in range(j.shape[0]):
+            for c in range(nq):
+                projected[i, c] += j[k, c] * work[k, i]
         for c in range(nq):
             projected[i, c] = complement[i, c] - projected[i, c]
     for _ in range(4):
