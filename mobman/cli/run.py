@@ -171,7 +171,7 @@ def tell(
     everything: bool = False,
 ) -> None:
     """Print a run by sections of metrics, or every metric, and where it broke limits."""
-    from mobman.simulation.limits import limit_remarks, unlimited_motors
+    from mobman.simulation.limits import limit_remarks, limits_in_the_way, unlimited_motors
     from mobman.simulation.metrics import list_metrics
     from mobman.simulation.monitors import first_failure
 
@@ -207,6 +207,8 @@ def tell(
     if free := unlimited_motors(record):
         lines.append(f"no torque limit is known of {', '.join(free)}")
     lines += [f"beyond its limits: {remark}" for remark in limit_remarks(record, robot)]
+    if not (record.ok and metrics["success"]):
+        lines += limits_in_the_way(record, robot)
     if record.ok and metrics["success"] == 0.0:
         errors = f"|e^e| is {number(metrics['task_error_final'])} m"
         angle = metrics.get("orientation_error_final", math.nan)

@@ -90,14 +90,39 @@ def limit_remarks(record: Record, robot: MobileManipulator) -> Iterator[str]:
     ):
         if sizes.max() > most:
             tick, i = np.unravel_index(sizes.argmax(), sizes.shape)
-            joint = robot.model.joints[robot.model.getJointId(joints[i])]
-            unit = "rad" if joint.shortname().startswith("JointModelR") else "m"  # of excess
+            unit = "rad" if _turns(robot, joints[i]) else "m"  # of excess
             others = int((sizes.max(axis=0) > most).sum()) - 1
             more = f" ({others} other {kind if others > 1 else kind[:-1]} went beyond theirs)"
             text = (
                 f"{names[i]} {size.format(sizes[tick, i], unit=unit)} at t = {record.t[tick]:.3g} s"
             )
             yield text + (more if others else "")
+
+
+def limits_in_the_way(record: Record, robot: MobileManipulator) -> Iterator[str]:
+    """Say which limits a run met that no law can help: motors that cannot hold the nominal robot where
+    it starts, and the joint that was first at its stop, where there are stops."""
+    limits = robot.limits
+    if record.metrics.get("saturation_share", 0.0) > 0.0:
+        still = robot.dynamics(record.q[0], np.zeros(robot.nz))
+        holding = np.abs(np.linalg.solve(still.B, still.bias))
+        for i in range(robot.n_alpha, robot.nz):
+            if holding[i] > limits.torque[i]:
+                name = robot.velocity_names[i]
+                yield (
+                    f"{name} cannot hold the robot where it starts: that takes {holding[i]:.3g} of "
+                    f"{limits.torque[i]:.3g} {'N m' if _turns(robot, name) else 'N'}"
+                )
+    excess = np.maximum(limits.lower - record.q, record.q - limits.upper)
+    if record.spec["scenario"]["stops"] and excess.max() > BEYOND:
+        tick = int((excess > BEYOND).any(axis=1).argmax())
+        name = record.joint_names[excess[tick].argmax()]
+        yield f"{name} was the first joint at its stop, at t = {record.t[tick]:.3g} s"
+
+
+def _turns(robot: MobileManipulator, joint: str) -> bool:
+    found = robot.model.joints[robot.model.getJointId(joint)]
+    return bool(found.shortname().startswith("JointModelR"))
 
 
 def unlimited_motors(record: Record) -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 from support.runs import Torque
 
 import mobman as mm
-from mobman.simulation.limits import ALLOWED, limit_remarks
+from mobman.simulation.limits import ALLOWED, limit_remarks, limits_in_the_way
 from mobman.simulation.scenario import Scenario
 
 
@@ -112,3 +112,35 @@ def test_slipping_wheels_turn_as_fast_as_they_roll():
     one, other = (found["velocity_limit_ratio"] for found in metrics)
     assert one == pytest.approx(other)
     assert one > 1.0
+
+
+def test_limits_that_no_law_can_help_are_said(youbot):
+    """The paper's youBot cannot hold its arm, and as soon as it can, there is nothing to say."""
+    weak = mm.simulate(youbot, "tsm", "circle", duration=0.1, scenario="real-limits")
+    said = "y_2 cannot hold the robot where it starts: that takes 9.55 of 9.5 N m"
+    assert list(limits_in_the_way(weak, youbot)) == [said]
+    strong = youbot.copy()
+    strong.model.effortLimit[:] *= 1.02
+    held = mm.simulate(strong, "tsm", "circle", duration=0.1, scenario="real-limits")
+    assert held.metrics["torque_limit_ratio"] < 1.0
+    assert list(limits_in_the_way(held, strong)) == []
+
+
+def test_the_joint_that_is_first_at_its_stop_is_named():
+    robot = mm.load_robot("stretch")
+    joint = robot.joint_names.index("joint_wrist_yaw")
+    start = robot.q_rest.copy()
+    start[joint] = robot.limits.upper[joint] - 1e-3
+    push = np.zeros(robot.nz)
+    push[robot.velocity_names.index("joint_wrist_yaw")] = 1.0
+    law = Torque(lambda t: push)
+    stopped, free = (
+        mm.simulate(robot, law, "circle", duration=0.1, q0=start, scenario=one)
+        for one in ("real-limits", "nominal")
+    )
+    tick = int((stopped.q[:, joint] > robot.limits.upper[joint] + 1e-6).argmax())
+    assert tick > 0
+    said = f"joint_wrist_yaw was the first joint at its stop, at t = {stopped.t[tick]:.3g} s"
+    assert list(limits_in_the_way(stopped, robot)) == [said]
+    assert free.q[tick, joint] > robot.limits.upper[joint]
+    assert list(limits_in_the_way(free, robot)) == []
