@@ -4,6 +4,7 @@ python benchmarks/ground.py convergence [ROBOT ...]
 python benchmarks/ground.py survey [LAW ...] [--robot ROBOT]
 python benchmarks/ground.py holds [ROBOT ...]
 python benchmarks/ground.py start [ROBOT ...]
+python benchmarks/ground.py asked [ROBOT ...]
 python benchmarks/ground.py friction [LAW ...] [--robot ROBOT] [--scenarios SCENARIO ...]
 """
 
@@ -14,9 +15,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 import mobman as mm
 from mobman.simulation.contact import MuJoCo
+from mobman.simulation.mjcf import feet_of
 from mobman.simulation.traction import traction
 
 HOLDS = 1e-3
@@ -26,10 +29,13 @@ SMOOTH = "pseudo-inverse"
 LAWS = ("tsm", "tsm-null-space", "time-delay", "extended-jacobian", "computed-torque-integral")
 COMPARED = ("tsm", "tsm-null-space", "computed-torque-integral", "time-delay", "extended-jacobian")
 STARTED = ("tiago_no_hand", "youbot", "husky_ur5", "ranger_xarm7")
+ASKED = ("hsr", "ranger_xarm7", "stretch", "turtlebot3_omx")
+FRICTION = 0.8  # of `contact`
 SURVEYED = (
     *("nominal", "heavier", "wrong-motors", "uncertain-kinematics", "contact", "noisy"),
     *("real-limits", "delayed", "realistic"),
 )
+TABLES = ("convergence", "friction", "survey", "holds", "start", "asked")
 _GROUNDS = ((1e-3, 1e-3, 5e-4), (1e-4, 1e-4, 2.5e-4), (1e-5, 1e-5, 1e-4), (1e-6, 1e-6, 5e-5))
 _LARGEST, _RATIO = 2.0, 1.05  # of the bisection: where it begins, and how near it comes
 
@@ -122,10 +128,78 @@ def started(robot: str) -> list[str]:
     return [f"{cap:.1f}", late(free, 16.0), late(capped, 16.0), used]
 
 
+def grip_asked(robot: mm.MobileManipulator, record: mm.Record) -> np.ndarray:
+    """Friction over load that a run on the ideal plant needs of the wheel that needs most, a number a
+    tick; inf from where the ground would have to pull.
+
+    By Newton and Euler on the whole robot, without MuJoCo: momentum tells force and moment, springs as
+    stiff as the feet the loads, and of all frictions with that force and moment those are taken whose
+    sum of squares is least.
+    """
+    model, data = robot.model, robot.model.createData()
+    pose, level = robot.platform_index[:3], robot.q_rest.copy()
+    level[pose] = 0.0
+    feet = feet_of(robot)
+    pin.forwardKinematics(model, data, level)
+    places = [data.oMi[model.getJointId(foot.joint)].act(foot.centre)[:2] for foot in feet]
+    plane = np.column_stack([np.ones(len(feet)), places])
+    stiffness = np.array([1.0 if foot.friction else MuJoCo().supports for foot in feet])
+    rough = np.array([foot.friction for foot in feet])
+    middle = plane[rough, 1:].mean(axis=0)
+    arms = plane[rough, 1:] - middle
+    across = np.column_stack([-arms[:, 1], arms[:, 0]]) / np.sum(arms**2)
+    found = []
+    for q, z, z_dot in zip(
+        record.q, record.z, np.diff(record.z, axis=0) / np.diff(record.t)[:, None], strict=False
+    ):
+        C = robot.velocity_map(q)
+        q_ddot = C @ z_dot + robot.velocity_map_rate(q, z) @ z
+        pin.computeCentroidalMomentumTimeVariation(model, data, q, C @ z, q_ddot)
+        turn = np.array(pin.rpy.rpyToMatrix(0.0, 0.0, q[pose[2]])).T  # to the platform's axes
+        centre = turn @ (data.com[0] - [*q[pose[:2]], 0.0])
+        force = turn @ (data.dhg.linear - pin.computeTotalMass(model) * model.gravity.linear)
+        moment = turn @ data.dhg.angular + np.cross(centre, force)  # about the platform's origin
+        load, wanted = np.zeros(len(feet)), np.array([force[2], -moment[1], moment[0]])
+        on = np.ones(len(feet), dtype=bool)
+        while on.sum() > 2:
+            K = plane[on].T * stiffness[on]
+            load[on] = stiffness[on] * (plane[on] @ np.linalg.solve(K @ plane[on], wanted))
+            if (load[on] > 0.0).all():
+                break
+            on, load = on & (load > 0.0), np.zeros(len(feet))
+        yaw = moment[2] - middle[0] * force[1] + middle[1] * force[0]
+        friction = np.linalg.norm(force[:2] / rough.sum() + yaw * across, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found.append(np.max(friction / load[rough]))
+    return np.array(found)
+
+
+def asked(robot: str, law: str) -> list[str]:
+    """Friction over load that the ideal plant's motion needs at most, and when it is first above that
+    of the ground (s); when a wheel on the ground first has no more, and the end there."""
+    ideal, ground = (
+        mm.simulate(robot, law, "circle", duration=10.0, scenario=scenario)
+        for scenario in ("nominal", "contact")
+    )
+    found = grip_asked(mm.load_robot(robot), ideal)
+    signals = ground.signals
+    used = signals["contact/friction"] > (1.0 - 1e-6) * FRICTION * signals["contact/normal"]
+    return [
+        f"{found.max():.2f}",
+        _first(ideal.t, found > FRICTION),
+        _first(ground.t, used.any(axis=1)),
+        late(ground, 10.0),
+    ]
+
+
+def _first(t: np.ndarray, true: np.ndarray) -> str:
+    return f"{t[np.argmax(true)]:.2f}" if true.any() else "–"
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", choices=("convergence", "friction", "survey", "holds", "start"))
+    parser.add_argument("table", choices=TABLES)
     parser.add_argument("names", nargs="*", help="robots, or laws")
     parser.add_argument("--robot", default="tiago_no_hand")
     parser.add_argument("--scenarios", nargs="+", default=("contact", "heavier"))
@@ -140,6 +214,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         row = held if given.table == "holds" else started
         for robot in given.names or (mm.list_robots() if row is held else STARTED):
             print(f"| `{robot}` | {' | '.join(row(robot))} |", flush=True)
+        return
+    if given.table == "asked":
+        for robot in given.names or ASKED:
+            for law in ("tsm", "tsm-null-space"):
+                print(f"| `{robot}` | `{law}` | {' | '.join(asked(robot, law))} |", flush=True)
         return
     if given.table == "survey":
         for scenario in SURVEYED:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -259,6 +260,23 @@ def test_traction_is_the_acceleration_at_which_wheels_slip(tiago):
     assert ways[1] > 1e-3
     with pytest.raises(SpecError, match="no driven wheels"):
         traction(mm.load_robot("kmr_iiwa"))
+
+
+@pytest.mark.parametrize("name", ["tiago_no_hand", "ranger_xarm7"])
+def test_friction_over_load_is_what_momentum_asks_for(name, monkeypatch):
+    """Of MuJoCo's contacts, against momentum of the ideal plant's motion, where wheels hold."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    from ground import grip_asked
+
+    ideal, found = (
+        mm.simulate(name, "pseudo-inverse", "circle", duration=0.2, scenario=one)
+        for one in ("nominal", "contact")
+    )
+    asked = grip_asked(mm.load_robot(name), ideal)
+    used = (found.signals["contact/friction"] / found.signals["contact/normal"]).max(axis=1)
+    ticks = slice(50, 150)  # the start shakes the tyres
+    assert asked[ticks].max() > 0.03
+    assert used[ticks] == pytest.approx(asked[ticks], rel=0.05, abs=2e-3)
 
 
 def test_caps_by_traction_keep_a_start_far_away_on_the_wheels(tiago):
