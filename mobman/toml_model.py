@@ -93,8 +93,6 @@ def validate(model: type[M], content: Any, origin: str, lines: TomlLines | None 
         clauses = _clauses(model, error)
         faults = clauses if lines is None else at_lines(clauses, lines)
         raise SpecError(f"{origin}: {'; '.join(faults)}", origin, list(faults)) from error
-    except SpecError as error:
-        raise SpecError(f"{origin}: {error}") from error
 
 
 def describe(model: type[BaseModel], error: ValidationError) -> str:

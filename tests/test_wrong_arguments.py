@@ -76,6 +76,7 @@ def test_laws_say_that_reset_comes_first_and_what_it_takes(name, youbot):
 
 WRONG = {
     "make_task": (lambda: mm.make_task("circle", None), "None is not a robot"),
+    "register_robot": (lambda: mm.register_robot(3), "3 is not a robot: expected a description or"),
     "load_robot": (lambda: mm.load_robot(3), "3 is not a robot"),
     "with_model": (lambda: mm.load_robot("youbot").with_model("m"), "model = 'm': expected"),
     "load_scenario": (lambda: mm.load_scenario(3), "3 is not a scenario: expected a name or"),

@@ -229,7 +229,8 @@ def computed_bounds(
     J = _Jacobian(robot, task, own)
     regular = [state for state in states if J.exists(state[0])]
     if not regular:
-        raise SingularityError("J exists at none of the sampled states", "J")
+        what = f"robot {robot.name!r}: J exists at none of the sampled states"
+        raise SingularityError(what, "J")
     sampled["a"], found["a"] = region.extreme(lambda q, z: _least(J.at(q)), -1.0, regular, True)
     w_1, w_2 = _line(robot, J, region, regular)
     values = {"w_1": w_1, "w_2": w_2, "w_6": 1.0}

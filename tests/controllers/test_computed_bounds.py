@@ -9,10 +9,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.command_line import mobman
+from support.platforms import ARM, on
 
 import mobman as mm
 from mobman.controllers import tsm
 from mobman.controllers.bounds import FLOOR, PAPER, SPREAD, computed_bounds
+from mobman.errors import SingularityError
 from mobman.model.criterion import Posture
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.tasks.task import task_map_of
@@ -192,3 +194,13 @@ def test_a_law_takes_them(law, monkeypatch):
         expected = given.settings[name] if name in others[law] else value
         assert computed.settings[name] == expected, name
     assert not np.array_equal(given.torque, computed.torque)
+
+
+def test_a_robot_whose_tip_stays_in_a_plane_has_none():
+    """Parallel axes: J is singular wherever it is looked at."""
+    arm = {**ARM, "lock": ["shoulder_pan_joint", "wrist_2_joint", "wrist_3_joint"]}
+    content = {**on("fixed"), "platform": {"type": "fixed"}, "mount": [], "rest": {}}
+    urdf = {key: arm[key] for key in ("package", "path", "lock")}
+    robot = mm.load_robot({**content, "urdf": urdf})
+    with pytest.raises(SingularityError, match="'ur5_on_fixed': J exists at none of the sampled"):
+        computed_bounds(robot, mm.make_task("circle", robot))

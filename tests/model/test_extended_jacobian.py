@@ -115,6 +115,18 @@ def test_complement_is_carried_to_the_nearest_one(robot, distance):
         assert np.abs(found - expected).max() < 1e-10
 
 
+def test_a_complement_of_which_nothing_is_left_is_replaced(youbot):
+    """Axes across ker j have no nearest ones in it: any of them are taken."""
+    q = youbot.q_rest
+    j = stacked_jacobian(youbot, (0, 1, 2), q)
+    rows = len(q) - len(j)
+    across = np.linalg.qr(j.T)[0].T[:rows]
+    criterion, z = Posture.of(youbot), np.zeros(youbot.nz)
+    found = extended_kinematics(youbot, TaskMap(), criterion, q, z, across).complement
+    assert np.abs(j @ found.T).max() < 1e-12
+    assert np.allclose(found @ found.T, np.eye(rows))
+
+
 def test_what_matters_does_not_depend_on_the_axes(robot):
     """|f_a|, |J' z| of its rows and the singular values of J are the same in any axes."""
     task_map, criterion = TaskMap(), Posture.of(robot)

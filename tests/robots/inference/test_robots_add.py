@@ -483,12 +483,26 @@ def test_a_folder_that_cannot_be_written_is_named(run, urdf, tmp_path):
             "LGPL-2.1-or-later",
         ),
         ("GPLv2", "GPL-2.0"),
+        ("GNU GENERAL PUBLIC LICENSE", "GPL"),
+        ("Creative Commons Zero v1.0 Universal", "CC0-1.0"),
         ("SPDX-License-Identifier: MPL-2.0", "MPL-2.0"),
     ],
 )
 def test_short_name_of_the_licence(urdf, text, expected):
     urdf.write_text(urdf.read_text().replace("<link", f"<!-- {text} --><link", 1))
     assert licence(urdf) == f"{expected} (says the URDF's header)"
+
+
+@pytest.mark.parametrize(
+    "content", ["<package><license>TODO</license></package>", "<package><license>BSD", "<package/>"]
+)
+def test_a_package_that_states_no_licence(urdf, content):
+    """And what is above the repository says nothing of it."""
+    folder = urdf.parent / "repository"
+    (folder / ".git").mkdir(parents=True)
+    (folder / "package.xml").write_text(content)
+    (urdf.parent / "LICENSE").write_text("MIT License")
+    assert licence(urdf.rename(folder / "robot.urdf")) == "not stated"
 
 
 def test_several_licences_are_quoted(run, urdf, tmp_path):
