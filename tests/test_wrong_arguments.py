@@ -128,6 +128,9 @@ def test_methods_of_records_and_views_say_what_they_expect(record):
         for size in ("big", (3,), (3, 4), (640, 480.5), (640, 9000), 640):
             refused(lambda s=size: view.save("x.png", size=s), "size = ", "16x16 to 8192x8192")
         refused(lambda: view.save("x.png", scale="2"), "scale = '2': must be a number above 0")
+        for kind, what in (("html", "page"), ("png", "picture"), ("gif", "film")):
+            told = f"x.{kind}: a {what} has no option colour"
+            refused(lambda k=kind: view.save(f"x.{k}", colour=1), told)
 
 
 @pytest.mark.parametrize("monitor", ["yes", 1, None], ids=repr)

@@ -12,7 +12,8 @@ import threading
 import warnings
 import webbrowser
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from time import perf_counter, sleep
 from types import MappingProxyType, SimpleNamespace
@@ -102,11 +103,11 @@ class View(contextlib.AbstractContextManager["View"]):
             return file
         if kind not in (".png", ".gif", ".mp4"):
             raise UsageError(f"{file}: allowed: a file .html, .png, .gif or .mp4")
-        save: Callable[..., None] = save_picture if kind == ".png" else save_film
-        try:
-            save(self.scene, file, **options)
-        except TypeError as error:  # an option that the kind does not have
-            raise UsageError(f"{file}: {error}") from error
+        save: Any = save_picture if kind == ".png" else save_film
+        if unknown := [name for name in options if name not in save.__kwdefaults__]:
+            what = "picture" if kind == ".png" else "film"
+            raise UsageError(f"{file}: a {what} has no option {', '.join(unknown)}")
+        save(self.scene, file, **options)
         return file
 
     def open(self) -> bool:
@@ -266,7 +267,9 @@ class LiveRun:
         **about: Any,
     ) -> None:
         for name, value in (("speed", speed), ("duration", duration)):
-            if value is not None and not (math.isfinite(value) and value > 0.0):
+            if value is not None and not (
+                isinstance(value, Real) and math.isfinite(value) and value > 0.0
+            ):
                 raise UsageError(f"{name} = {value!r}: must be a positive number")
         self.every = max(1.0 / scenes.FRAMES_PER_SECOND, duration / scenes.MOST_FRAMES)
         self._speed = speed
