@@ -64,6 +64,8 @@ class PolicyController:
     def __init__(self, policy: Callable[[Array], Any], actions: Actions = "acceleration") -> None:
         if actions not in ("acceleration", "torque"):
             raise UsageError(f"actions = {actions!r}: allowed: acceleration, torque")
+        if not callable(policy):
+            raise UsageError(f"policy = {policy!r}: expected a function")
         self.policy, self.actions = policy, actions
         if actions == "torque" and type(self).uses is PolicyController.uses:
             self.uses = ("limits",)

@@ -66,6 +66,8 @@ def placements(
     Raises:
         UsageError: If 50 draws give none, or the task cannot be made at rest or asks for too much.
     """
+    if not isinstance(given, Mapping | None):
+        raise UsageError(f"task options = {given!r}: expected a dictionary")
     given = dict(given or {})
     rest = Placement(robot.q_rest.copy(), given, make_task(task, robot, **given))
     require_freedom(robot, rest.task)

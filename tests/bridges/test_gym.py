@@ -234,6 +234,7 @@ def test_numbers_of_placements_may_be_of_numpy():
         ({"actions": "force"}, "acceleration, torque"),
         ({"duration": -1.0}, "duration"),
         ({"robot": "yuobot"}, "did you mean 'youbot'"),
+        ({"task_options": 5}, "task options = 5: expected a dictionary"),
     ],
 )
 def test_wrong_arguments_are_refused(arguments, message):
@@ -274,3 +275,9 @@ def test_without_gymnasium_there_is_one_clear_line(monkeypatch):
     monkeypatch.delitem(sys.modules, "mobman.bridges.gym")
     with pytest.raises(mm.MobmanError, match=re.escape("pip install 'mobman[gym]'")):
         importlib.import_module("mobman.bridges.gym")
+
+
+@pytest.mark.parametrize("policy", [5, None])
+def test_what_is_no_policy_is_refused(policy):
+    with pytest.raises(mm.MobmanError, match=f"policy = {policy}: expected a function"):
+        PolicyController(policy)
