@@ -356,6 +356,8 @@ def expand(path: str, arguments: dict[str, str], folders: list[str]) -> list[Any
         if isinstance(cause := getattr(error, "exc", error), MemoryError):
             raise cause from None
         text = _TWICE.sub(r"\1", " ".join(str(error).split()))
+        if isinstance(cause, substitution.ArgException):
+            text += f": give it by --xacro-arg {cause}:=VALUE"
         raise MobmanError(text or type(error).__name__) from None
     finally:
         os.environ.update(before)
