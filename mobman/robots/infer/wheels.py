@@ -144,10 +144,12 @@ def _may_roll(tree: Tree, joint: Joint) -> bool:
     nothing behind it that moves but rollers."""
     behind = list(tree.behind(joint))
     leaves = all(j.endless and not any(tree.behind(j)) for j in behind)
+    # or one for all of them, in the wheel's middle
+    inside = all(np.linalg.norm(j.centre - joint.centre) < _LEAST for j in behind)
     return (
         not joint.prismatic
         and (joint.endless or says("wheel", joint.name, joint.child))
-        and (not behind or (leaves and len(behind) >= _ROLLERS))
+        and (not behind or (leaves and (inside or len(behind) >= _ROLLERS)))
         and len(tree.chain(joint.parent)) <= _FEW_JOINTS
     )
 
@@ -187,10 +189,11 @@ def _radius(
 
 
 def footprint(tree: Tree, below: float) -> Inferred | None:
-    """The ground (m) as the origin of a link made for it, if it is below a height (m)."""
-    for name in tree.rigid(tree.root):
-        height = float(tree.position[name][2])
-        if says("footprint", name) and height < below - _LEAST:
+    """The ground (m) as the origin of a link made for it, if it is below a height (m): not the middle
+    of a body that is called so."""
+    for name in (name for name in tree.rigid(tree.root) if says("footprint", name)):
+        height, own = float(tree.position[name][2]), lowest_point(tree, [name])
+        if height < below - _LEAST and (own is None or own.value > height - _LEAST):
             return Inferred(height, name)
     return None
 

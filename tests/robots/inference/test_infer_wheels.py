@@ -152,7 +152,7 @@ def test_four_wheels_are_skid_steered_and_may_be_mecanum(inferred):
     assert asked.fields["kind"].value == "mecanum"
 
 
-@pytest.mark.parametrize("where", ["mesh", "plug-in", "rollers", "robot"])
+@pytest.mark.parametrize("where", ["mesh", "plug-in", "rollers", "one roller", "robot"])
 def test_mecanum_by_what_names_say(inferred, where):
     robot = four_wheels()
     if where == "mesh":
@@ -166,15 +166,16 @@ def test_mecanum_by_what_names_say(inferred, where):
     elif where == "robot":
         robot.xml.set("name", "myOmniBase")
     else:
+        count, out = (6, 0.09) if where == "rollers" else (1, 0.0)
         for end in ("front_right", "front_left", "rear_right", "rear_left"):
-            for i in range(6):
+            for i in range(count):
                 robot.link(f"{end}_roller_{i}", mass=0.01)
                 robot.joint(
                     f"{end}_r{i}",
                     "continuous",
                     f"{end}_wheel_link",
                     f"{end}_roller_{i}",
-                    (0, 0, 0.09),
+                    (0, 0, out),
                     axis="1 1 0",
                 )
     found = inferred(robot.arm())
@@ -358,6 +359,11 @@ def test_radius_from_the_footprint_where_meshes_are_missing(inferred):
     found = inferred(no_geometry("base_footprint").arm())
     assert found.fields["wheel_radius"].value == pytest.approx(0.08)
     assert "base_footprint" in found.fields["wheel_radius"].why
+
+
+def test_a_body_that_is_called_footprint_stands_on_the_ground(inferred):
+    robot = Robot(root="base_footprint").arm(parent="base_footprint")
+    assert inferred(robot, platform="planar").fields["height"].value == pytest.approx(0.05)
 
 
 def test_radius_is_asked_for_where_nothing_tells(inferred):
