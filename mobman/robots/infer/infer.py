@@ -90,6 +90,11 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     ends = [tree.position[end.child] for end in Branches(tree, taken).ends]
     drive, radius, arm = None, None, None
     questions, uncertain = list[str](), list[str]()
+    if tree.stuck:
+        uncertain.append(
+            f"{names_of(tree.stuck)} cannot move, since both limits are 0: held; correct <limit> of "
+            "what moves"
+        )
     try:
         drive = find_drive(tree, wheels, options, np.array(ends).reshape(-1, 3))
         # on wheels that it has in the air, or on none, it may stand if it is turned
@@ -124,8 +129,10 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         questions.append(f"{error}{known}")
     if questions or drive is None or arm is None:
         calls = dict.fromkeys(part.tag for part in robot if part.tag.startswith("xacro:"))
-        left = f" (xacro did not expand {', '.join(calls)})" if calls else ""
-        raise Undecided(f"{urdf.made_of or urdf.path}: {'; and '.join(questions)}{left}")
+        left = [f"xacro did not expand {', '.join(calls)}"] if calls else []
+        left += uncertain[:1] if tree.stuck else []
+        also = f" ({'; '.join(left)})" if left else ""
+        raise Undecided(f"{urdf.made_of or urdf.path}: {'; and '.join(questions)}{also}")
     if not options.as_it_is and (size := _in_another_unit(tree, drive, radius, arm)):
         raise Undecided(f"{urdf.made_of or urdf.path}: {size}")
     # mimic joints that follow the arm's and are no fingers: they are modelled
@@ -153,7 +160,7 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
     return Inference(
         urdf=urdf,
         robot_name=robot.get("name", ""),
-        joints=tuple(joint.name for joint in (*tree.virtual, *tree.movable)),
+        joints=tuple(joint.name for joint in (*tree.virtual, *tree.stuck, *tree.movable)),
         platform=drive,
         fields=_fields(drive, radius, ground, options.fields(drive.type.value)),
         arm=arm,
@@ -215,7 +222,7 @@ def _middle(tree: Tree) -> float:
 
 def _matching(tree: Tree, wanted: Sequence[str]) -> tuple[str, ...]:
     """The joints that the user locks."""
-    movable = [joint.name for joint in (*tree.virtual, *tree.movable)]
+    movable = [joint.name for joint in (*tree.virtual, *tree.stuck, *tree.movable)]
     found: list[str] = []
     for pattern in wanted:
         if not (names := [name for name in movable if fnmatchcase(name, pattern)]):
@@ -237,6 +244,7 @@ def _locks(
     return lock_once(
         {joint.name for joint in arm.joints} | drive.own | free,
         ([joint.name for joint in tree.virtual], "virtual joints in front of the base"),
+        ([joint.name for joint in tree.stuck], "both limits are 0"),
         *((lock.joints, lock.why) for lock in drive.locks),
         (by_user, "as asked for"),
         ([name for name in movable if name in branches.fingers], "fingers"),

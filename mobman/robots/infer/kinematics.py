@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from mobman.arrays import Array
 from mobman.errors import SpecError
-from mobman.robots.infer.findings import Inferred
+from mobman.robots.infer.findings import Inferred, says
 from mobman.robots.urdf.compose import flat_urdf, frame_of, root_link
 from mobman.robots.urdf.meshes import MeshReader, mesh_paths
 from mobman.robots.urdf.read import UrdfFile
@@ -47,7 +47,7 @@ class Joint:
     follows: Follows | None  # which other joint it follows, and how (mimic)
     centre: Array  # its origin (m), shape (3,)
     axis: Array  # unit vector, shape (3,); zero if it is fixed
-    virtual: bool = False  # as if it were fixed: it stands for the platform's motion
+    virtual: bool = False  # as if it were fixed
 
     @property
     def movable(self) -> bool:
@@ -116,6 +116,10 @@ class Tree:
         self.virtual = self._virtual()
         for joint in self.virtual:
             joint.virtual = True
+        # limits that leave no way make a joint a fixed one
+        self.stuck = self._stuck()
+        for joint in self.stuck:
+            joint.virtual = True
         # with a degree of freedom, mimic joints included, virtual ones not
         self.movable = [joint for joint in self.joints if joint.movable]
 
@@ -151,6 +155,19 @@ class Tree:
             found.append(joint)
             link = joint.child
         return found if len({joint.prismatic for joint in found}) == 2 else []
+
+    def _stuck(self) -> list[Joint]:
+        """The joints whose limits are both 0, those of wheels and fingers aside; none if all have such
+        limits, which nobody has written then."""
+        limited = [j for j in self.joints if j.movable and not j.endless and not j.follows]
+        found = [
+            joint
+            for joint in limited
+            if joint.lower == joint.upper == 0.0
+            and not any(says(what, joint.name, joint.child) for what in ("wheel", "finger"))
+            and not any(j.endless or says("wheel", j.name, j.child) for j in self.behind(joint))
+        ]
+        return found if len(found) < len(limited) else []
 
     def joint(self, name: str) -> Joint | None:
         """The movable joint of a name; None if there is none."""

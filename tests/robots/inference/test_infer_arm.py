@@ -390,3 +390,51 @@ def test_an_arm_of_one_joint(inferred):
 def test_a_robot_of_one_joint(inferred):
     robot = Robot().arm(joints=1, tip="tool0")
     assert inferred(robot, platform="fixed").arm.reach == pytest.approx(0.1)
+
+
+def with_a_gauge(robot):
+    """Behind the last joint a gauge that turns between 0 and 0, and a tool on it."""
+    robot.link("gauge").link("tool0")
+    robot.joint("gauge_joint", "revolute", "arm_5_link", "gauge", (0.1, 0, 0), limits=(0, 0))
+    return robot.joint("tool_fixed", "fixed", "gauge", "tool0", (0.1, 0, 0))
+
+
+def test_limits_that_leave_no_way_fix_a_joint(inferred):
+    found = inferred(with_a_gauge(differential().arm(joints=5)))
+    assert [joint.name for joint in found.arm.joints] == [f"arm_{i}_joint" for i in range(1, 6)]
+    assert found.arm.tip.value == "tool0"
+    assert reasons(found) == {"gauge_joint": "both limits are 0"}
+    (doubt,) = found.uncertain
+    assert "gauge_joint cannot move" in doubt
+
+
+def test_limits_that_nobody_has_written_fix_nothing(inferred):
+    robot = with_a_gauge(differential().arm(joints=5))
+    for limit in robot.xml.iter("limit"):
+        limit.attrib.update(lower="0", upper="0")
+    assert len(inferred(robot).arm.joints) == 6
+
+
+def test_an_arm_that_no_limit_lets_move_is_told_as_such(inferred):
+    robot = torso(differential()).arm(parent="torso", joints=3)
+    for limit in list(robot.xml.iter("limit"))[1:]:
+        limit.attrib.update(lower="0", upper="0")
+    with pytest.raises(Undecided, match=r"no arm was found.*arm_1_joint, .* both limits are 0"):
+        inferred(robot, lock=("torso_lift",))
+
+
+def test_what_turns_between_no_limits_may_be_a_wheel_or_a_finger(inferred):
+    robot = Robot().arm(tip="gripper_base").fingers("gripper_base", mimic=False)
+    for side, y in (("right", -0.2), ("left", 0.2)):
+        robot.link(f"{side}_wheel_link", collision=[Robot.tyre(0.1)])
+        robot.joint(
+            f"{side}_wheel", "revolute", "base_link", f"{side}_wheel_link", (0, y, 0.1),
+            axis="0 1 0", limits=(0, 0),
+        )  # fmt: skip
+    for limit in robot.xml.iter("limit"):
+        if limit.get("lower") == "0.0":
+            limit.set("upper", "0")
+    found = inferred(robot)
+    assert found.platform.type.value == "differential"
+    assert set(reasons(found).values()) == {"fingers"}
+    assert found.arm.tip.value == "gripper_base"
