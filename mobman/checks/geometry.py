@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mobman.checks.checks import Finding, Findings, Subject, check, ok, some, warning, wrong
 from mobman.model.platforms.platform import Wheel
-from mobman.model.platforms.wheels import AXIS_TOLERANCE
+from mobman.model.platforms.wheels import AXIS_TOLERANCE, LENGTH_TOLERANCE
 from mobman.robots.infer.findings import MOST_RADIUS
 from mobman.robots.spec import user_robots_folder
 from mobman.robots.urdf.meshes import MeshReference
@@ -31,16 +31,16 @@ def ground(subject: Subject) -> Findings:
     wheels = subject.robot.platform.wheels
     if len(subject.robot.platform_index) == 0:
         return "does not apply: the base is fixed: the ground is wherever its user has it"
-    heights: dict[str, list[str]] = {}  # wheels that do not stand on the ground, by their height
+    heights: dict[float, list[str]] = {}  # wheels that do not stand on the ground, by their height
     for wheel in wheels:
         height = float(subject.centre(wheel.joint)[2]) - wheel.radius
         if abs(height) > _LEVEL:
-            heights.setdefault(f"{1e3 * height:+.1f}", []).append(wheel.joint)
-    for millimetres, joints in heights.items():
+            heights.setdefault(round(height, 4), []).append(wheel.joint)
+    for height, joints in heights.items():
         links = some(repr(link.name) for joint in joints for link in subject.links_on(joint))
         each = "its" if len(joints) == 1 else "each one's"
-        yield wrong(
-            f"{_wheels(joints)}: {each} lowest point is {millimetres} mm from the ground",
+        yield (wrong if abs(height) > LENGTH_TOLERANCE else warning)(
+            f"{_wheels(joints)}: {each} lowest point is {1e3 * height:+.1f} mm from the ground",
             f"check <origin> of joint {', '.join(map(repr, joints))} (link {links}), and "
             f"field 'platform.wheel_radius' of {subject.name}",
         )
@@ -193,7 +193,7 @@ def meshes(subject: Subject) -> Findings:
             "replace these files: they are damaged, or of a format that is not read (STL, DAE and "
             "OBJ are)",
         )
-    if outside := [mesh for mesh, urdf in subject.meshes if _does_not_travel(mesh, urdf)]:
+    if outside := [m for m, urdf in subject.meshes if m.path and _does_not_travel(m, urdf)]:
         yield warning(
             _listed(outside, "outside the URDF's package"),
             "name these meshes by package://NAME/..., or relative to the URDF",

@@ -105,6 +105,11 @@ def test_hub_tells_no_radius_where_the_tyre_is_missing(tmp_path):
     assert finding.status == "ok"
 
 
+def test_a_missing_mesh_is_not_told_twice(with_wheels):
+    (finding,) = only(with_wheels("file:///nowhere/wheel.stl"), "meshes")
+    assert "1 mesh missing" in finding.found
+
+
 def test_missing_meshes_stop_no_other_check(with_wheels):
     robot = with_wheels("package://nowhere/wheel.stl")
     findings = run_checks(robot, simulation=False)

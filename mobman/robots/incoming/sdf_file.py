@@ -59,9 +59,10 @@ class _Model:
         links, frames = model.findall("link"), model.findall("frame")
         for element in (*links, *joints, *frames):
             self._add_frame(element)
-        if any(_text(joint, "parent") == _WORLD for joint in joints):
-            ET.SubElement(self.robot, "link", name=_WORLD)
-        self._frames[_WORLD] = (_MODEL, pin.SE3.Identity())
+        if _WORLD not in self._frames:  # a link may be called so
+            self._frames[_WORLD] = (_MODEL, pin.SE3.Identity())
+            if any(_text(joint, "parent") == _WORLD for joint in joints):
+                ET.SubElement(self.robot, "link", name=_WORLD)
         for joint in joints:
             for end in (_text(joint, "parent"), _text(joint, "child")):
                 if end not in self._frames:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from made_urdf import QUARTER, Robot, box, differential, mesh, write_wheel_stl
+from made_urdf import QUARTER, Robot, box, differential, four_wheels, mesh, write_wheel_stl
 
 import mobman as mm
 from mobman.checks.checks import run_checks
@@ -659,3 +659,12 @@ def test_modules_in_one_line_across_the_way_are_called_singular(tmp_path):
 def test_an_address_is_refused_as_one():
     with pytest.raises(UsageError, match=r"https://a/b\.urdf is not fetched; download it first"):
         mm.load_robot("https://a/b.urdf")
+
+
+def test_wheels_that_are_some_millimetres_off_the_ground_are_a_warning(added):
+    """As far as the equations allow it: those of tracks, for instance."""
+    robot = four_wheels().arm(tip="tool0")
+    for side, y in (("right", -0.25), ("left", 0.25)):
+        robot.xml.find(f"joint[@name='rear_{side}_wheel']/origin").set("xyz", f"-0.2 {y} 0.096")
+    _, said = added(robot)
+    assert any("+2.0 mm from the ground" in text for text in said["warnings"])

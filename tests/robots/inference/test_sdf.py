@@ -231,3 +231,12 @@ def test_what_a_urdf_cannot_hold_is_said(tmp_path):
     said = "; ".join(incoming(tmp_path / "m.sdf").said)
     for word in ("ball joint: 'ball' is held", "ellipsoid", "1 sensor", "1 kg", "floor"):
         assert word in said, word
+
+
+@pytest.mark.filterwarnings("ignore:.*robots add")
+def test_a_link_may_be_called_world(tmp_path):
+    made = differential(root="world").arm(parent="world", tip="tool0")
+    (tmp_path / "cart.sdf").write_text(sdf_of(made.xml, "1.7", "model"))
+    same = mm.load_robot(made.write(tmp_path / "cart.urdf"))
+    with pytest.warns(UserWarning, match=r"1 plugin"):
+        assert mm.load_robot(tmp_path / "cart.sdf").joint_names == same.joint_names
