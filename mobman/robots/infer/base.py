@@ -12,6 +12,7 @@ from mobman.robots.infer.drive import OMNI, Drive, Forward, find_forward, headin
 from mobman.robots.infer.findings import Inferred, Lock, Options, Undecided, says
 from mobman.robots.infer.kinematics import Joint, Tree, names_of
 from mobman.robots.infer.wheels import (
+    ALLOWED,
     SAME_PLACE,
     SAME_RADIUS,
     Rolling,
@@ -37,6 +38,17 @@ def find_drive(tree: Tree, wheels: list[Rolling], options: Options, arms: Array)
     else:
         drive = _recognised(tree, wheels, options, _hint(tree.robot))
     drive.coordinates = not options.without_wheels(drive.type.value)
+    sines = [np.linalg.norm(np.cross(w.joint.axis, drive.right[0].joint.axis)) for w in drive.front]
+    if any(sine > ALLOWED[1] for sine in sines):
+        drive.uncertain.append(
+            f"{names_of(drive.front)} are not parallel to the rear wheels: held, they do not roll"
+        )
+        drive.front = []
+    carrying = [j for j in tree.movable if not (j.vertical or j.endless) and any(tree.behind(j))]
+    if odd := [joint for joint in carrying if says("steering", joint.name, joint.child)]:
+        drive.uncertain.append(
+            f"{names_of(odd)}: steering by name, but not about the vertical; correct <axis> or <origin>"
+        )
     forward = _forward(tree, drive, wheels, options, arms)
     drive.orient(forward, bool(options.right_wheels), bool(options.wheels))
     drive.lock_passive(wheels)

@@ -103,6 +103,13 @@ def infer(urdf: UrdfFile, options: Options) -> Inference:
         if turns and (side := _lies_on_its_side(urdf, tree, len(wheels))):
             raise Undecided(side)
         uncertain += drive.uncertain
+        uncertain += [
+            f"{one.name} ends above the ground, and so {other.name} on the same axle has no partner: "
+            "correct the radius or <origin> of one, or name both by --right-wheel and --left-wheel"
+            for one in high
+            for other in wheels
+            if one.beside(other) and not {one.name, other.name} & drive.own
+        ]
         if drive.rolling:
             others = [wheel for wheel in wheels if wheel.name not in drive.own]
             radius, doubts = settle_radius(tree, drive.driven, others, options)

@@ -29,7 +29,7 @@ _DIGITS = 5
 _OTHER = 0.1  # of the radius; what is asked for and differs by more is likely a slip
 _LEANS = 0.5  # rad; what is more tilted turns about no wheel's axis
 _ALIKE = 0.1  # rad; between the axes of one pair, and between an axis and the way across
-_ALLOWED = (0.005, 0.01)  # m, rad; what platforms with wheels allow between axles and axes
+ALLOWED = (0.005, 0.01)  # m, rad; what platforms with wheels allow between axles and axes
 
 
 class Rolling:
@@ -343,6 +343,6 @@ def _faults(tree: Tree, one: Joint, other: Joint) -> tuple[list[str], bool] | No
         f"their radii differ ({' and '.join(f'{r:.4g}' for r in radii)} m)": unlike,
         f"{' and '.join(casters)} swivels or is a caster's by its name": bool(casters),
     }
-    nameable = max(level, ahead) <= _ALLOWED[0] and max(*tilts, angle) <= _ALLOWED[1]
+    nameable = max(level, ahead) <= ALLOWED[0] and max(*tilts, angle) <= ALLOWED[1]
     found = [fault for fault, there in faults.items() if there]
     return found or ["they are not on the ground, or smaller than other wheels"], nameable

@@ -438,3 +438,12 @@ def test_what_turns_between_no_limits_may_be_a_wheel_or_a_finger(inferred):
     assert found.platform.type.value == "differential"
     assert set(reasons(found).values()) == {"fingers"}
     assert found.arm.tip.value == "gripper_base"
+
+
+def test_the_point_between_the_fingers_is_better_than_their_base(inferred):
+    """As MuJoCo's models of grippers call it."""
+    robot = (
+        differential().arm(tip="gripper_base").fingers("gripper_base").link("pinch_site", mass=0)
+    )
+    robot.joint("site_fixed", "fixed", "arm_6_link", "pinch_site", (0.2, 0, 0))
+    assert inferred(robot).arm.tip.value == "pinch_site"

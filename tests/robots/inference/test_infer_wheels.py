@@ -647,3 +647,29 @@ def test_a_type_of_the_users_is_found_by_its_fields(inferred, build, like):
     # an order of the fields of its own
     fields = inferred(robot, platform="mine", types={"mine": TYPES[like][::-1]}).fields
     assert list(fields) == [name for name in TYPES[like][::-1] if name in known.fields]
+
+
+def test_a_front_wheel_with_toe_in_does_not_roll(inferred):
+    robot = car()
+    robot.xml.find("joint[@name='front_left']/origin").set("rpy", "0 0 0.017")
+    found = inferred(robot.arm())
+    assert found.platform.type.value == "car-like"
+    assert "front_wheels" not in found.fields
+    assert locked(found, "do not drive") == {"front_right", "front_left"}
+    assert any("front_right, front_left are not parallel" in doubt for doubt in found.uncertain)
+
+
+def test_steering_about_another_axis_is_told(inferred):
+    found = inferred(car(axis="0 1 0").arm())
+    assert found.platform.type.value == "differential"
+    assert any("right_steering" in d and "about the vertical" in d for d in found.uncertain)
+
+
+def test_one_wheel_of_an_axle_in_the_air_is_told(inferred):
+    """The casters are the only pair on the ground then."""
+    robot = Robot()
+    for side, y in (("right", -0.2), ("left", 0.2)):
+        robot.wheel(f"big_{side}", (0.2, y, 0.1), collision=[Robot.tyre(0.02 if y < 0 else 0.1)])
+        robot.wheel(f"small_{side}", (-0.2, y, 0.05), collision=[Robot.tyre(0.05)])
+    (doubt,) = (one for one in inferred(robot.arm()).uncertain if "big_left" in one)
+    assert "big_right ends above the ground" in doubt
