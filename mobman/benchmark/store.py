@@ -352,9 +352,10 @@ def require_record_of(run: RunSpec, summary: RecordSummary, path: Path) -> None:
     found, asked = dict(summary.spec), run.as_dict()
     # a law of one's own may report other settings than its gains; None and "auto" become numbers
     given = {name: value for name, value in run.settings.items() if value not in (None, "auto")}
-    gains = dict(found.get("gains") or {})
-    found["gains"] = {name: gains[name] for name in gains.keys() & given.keys()}
-    asked["gains"] = {name: given[name] for name in gains.keys() & given.keys()}
+    asked["gains"], gains = given, found.get("gains") or {}
+    if isinstance(gains, dict):
+        found["gains"] = {name: gains[name] for name in gains.keys() & given.keys()}
+        asked["gains"] = {name: given[name] for name in gains.keys() & given.keys()}
     for name in (*_COMPARED, "gains"):
         there, here = (json.dumps(d.get(name), sort_keys=True, default=str) for d in (found, asked))
         if there != here:

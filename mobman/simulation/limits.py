@@ -114,7 +114,7 @@ def limits_in_the_way(record: Record, robot: MobileManipulator) -> Iterator[str]
                     f"{limits.torque[i]:.3g} {'N m' if _turns(robot, name) else 'N'}"
                 )
     excess = np.maximum(limits.lower - record.q, record.q - limits.upper)
-    if record.spec["scenario"]["stops"] and excess.max() > BEYOND:
+    if record.spec["scenario"].get("stops") and excess.max() > BEYOND:
         tick = int((excess > BEYOND).any(axis=1).argmax())
         name = record.joint_names[excess[tick].argmax()]
         yield f"{name} was the first joint at its stop, at t = {record.t[tick]:.3g} s"

@@ -189,6 +189,7 @@ def _report(mobman, harmless, folder):
 def test_report_on_crafted_records(results, craft, mobman, harmless, modest):
     names = ("texts_that_are_scripts", "texts_that_are_formulas", "texts_that_are_latex")
     names += ("samples_in_another_file", "external_link_to_metrics", "json_nested_without_end")
+    names += ("gains_of_a_list",)
     folder, places = results(len(names) + 1)
     for seed, (name, place) in enumerate(zip(names, places, strict=False)):
         made = craft(CRAFTED[name], seed=seed)
