@@ -31,7 +31,7 @@ from mobman.errors import SingularityError
 from mobman.model.criterion import Criterion
 from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.tasks.task import Task, task_map_of
+from mobman.tasks.task import Task, task_map_of, time_of
 
 _SAMPLES = 200
 SPREAD = 0.5  # rad or m: how far sampled arm coordinates are from rest
@@ -54,7 +54,7 @@ def sampled_states(robot: MobileManipulator, task: Task) -> list[tuple[float, Ar
     has one, else its first 10 s.
     """
     random = np.random.default_rng(SEED)
-    horizon = getattr(task, "duration", None) or getattr(task, "period", None) or _HORIZON
+    horizon = time_of(task, "duration") or time_of(task, "period") or _HORIZON
     lower, upper = _near_rest(robot)
     heading = np.flatnonzero(np.isin(robot.joint_names, "base_theta"))
     position = np.flatnonzero(np.isin(robot.joint_names, ("base_x", "base_y")))

@@ -19,7 +19,7 @@ from mobman.linalg import apply, gram
 from mobman.model.dynamics import Buffers
 from mobman.model.metric import base_metric, unit_stiffness
 from mobman.model.mobile_manipulator import MobileManipulator
-from mobman.tasks.task import Task
+from mobman.tasks.task import Task, time_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ class PredictiveControl(LimitedProgram):
         """Start again at rest, with the limits that act."""
         self._ahead, self._ticks = TaskSpace(robot, task), 0
         self._every = max(1, round(float(self.gains.period) / dt))
-        self._defined = getattr(task, "duration", None) or np.inf  # a task has no later times
+        self._defined = time_of(task, "duration") or np.inf  # a task has no later times
         self.cost = np.zeros(1)
         super().reset(robot, task, dt)
 

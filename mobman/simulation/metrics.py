@@ -18,7 +18,7 @@ from mobman.model.extended_jacobian import ExtendedJacobian
 from mobman.model.mobile_manipulator import Limits, MobileManipulator
 from mobman.model.task_map import TaskMap
 from mobman.registry import Registry
-from mobman.tasks.task import Task
+from mobman.tasks.task import Task, time_of
 
 STEADY = 0.7
 """The steady part of a run starts at this fraction of its duration."""
@@ -286,7 +286,7 @@ def lambda_min(run: Run) -> float:
 )
 def repeatability(run: Run) -> float:
     """Between ticks the posture is interpolated, since a period is not a whole number of them."""
-    period = getattr(run.task, "period", None)
+    period = time_of(run.task, "period")
     if period is None or run.duration < period:
         return math.nan
     exact = (run.t[-1] - period) / run.dt

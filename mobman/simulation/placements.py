@@ -14,7 +14,7 @@ from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.sensors import pose_index
 from mobman.simulation.singularity import Prediction, predict_singularity
 from mobman.tasks.paths import GAP, SHARE_OF_RADIUS, place_of
-from mobman.tasks.task import Task, make_task, parameters_of, require_freedom
+from mobman.tasks.task import Task, make_task, parameters_of, require_freedom, time_of
 
 _DRAWS = 50
 _SPREAD = 0.3  # rad or m, of the arm's start about its rest
@@ -97,8 +97,8 @@ def placements(
 
 def _ahead(robot: MobileManipulator, placed: Placement) -> Prediction:
     task, q0 = placed.task, placed.q0
-    period, horizon = getattr(task, "period", None), getattr(task, "duration", None) or _HORIZON
-    duration = _LAPS * period if period else horizon
+    period = time_of(task, "period")
+    duration = _LAPS * period if period else time_of(task, "duration") or _HORIZON
     return predict_singularity(robot, task, duration=duration, q0=q0, step=_STEP)
 
 

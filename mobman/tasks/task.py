@@ -333,9 +333,15 @@ def task_map_of(task: Task) -> TaskMap:
         raise UsageError(f"desired(t) of {name} gave {given} at t = 0 s; needed: finite numbers")
     for what in ("period", "duration"):
         time = getattr(task, what, None)
-        if time is not None and not (isinstance(time, Real) and 0.0 <= float(time) < math.inf):
+        if time is not None and not (isinstance(time, Real) and float(time) >= 0.0):
             raise UsageError(f"task {name}: {what} is {time!r}; allowed: a time (s), or None")
     return found
+
+
+def time_of(task: Task, what: str) -> float | None:
+    """A task's ``period`` or ``duration`` (s); None without one, or where it is 0 or without end."""
+    time = getattr(task, what, None)
+    return float(time) if time and math.isfinite(time) else None
 
 
 def _unit(vector: Any, name: str, what: str = "tip_axis") -> Any:

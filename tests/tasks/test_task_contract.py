@@ -7,7 +7,7 @@ import pytest
 
 import mobman as mm
 from mobman.errors import UnknownNameError, UsageError
-from mobman.tasks.task import task_entry, task_map_of
+from mobman.tasks.task import task_entry, task_map_of, time_of
 
 
 class Fixed:
@@ -65,7 +65,7 @@ def test_wrong_shapes_are_told(parts):
         ({"parts": (["a"] * 3, *np.zeros((3, 3)))}, "needed: finite numbers"),
         ({"period": "x"}, "task Fixed: period is 'x'; allowed: a time"),
         ({"duration": -1.0}, "task Fixed: duration is -1.0; allowed: a time"),
-        ({"duration": np.inf}, "task Fixed: duration is inf; allowed: a time"),
+        ({"duration": np.nan}, "task Fixed: duration is nan; allowed: a time"),
         ({"tip_axis": "x"}, "task Fixed: tip_axis is 'x'; needed: numbers"),
     ],
     ids=str,
@@ -75,6 +75,27 @@ def test_what_is_no_number_or_time_is_told(change, words):
     vars(task).update(change)
     with pytest.raises(UsageError, match=words):
         task_map_of(task)
+
+
+@pytest.mark.parametrize("what", ["period", "duration"])
+def test_time_without_end_is_none(what, youbot):
+    """By the laws that look ahead, by placements, and by the metrics."""
+
+    class Still(Fixed):
+        def __init__(self):
+            super().__init__(*np.zeros((4, 3)))
+            self.parts = (
+                youbot.tip_kinematics(youbot.q_rest, np.zeros(5)).position,
+                *np.zeros((3, 3)),
+            )
+
+    task = Still()
+    setattr(task, what, np.inf)
+    assert time_of(task, what) is None
+    for law in ("tsm", "mpc"):
+        record = mm.simulate(youbot, law, task, duration=0.02)
+        assert record.ok, law
+        assert np.isnan(record.metrics["repeatability"])
 
 
 def test_other_dimensions_are_refused():
