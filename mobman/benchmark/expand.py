@@ -268,9 +268,8 @@ class _Expansion:
             try:
                 found |= dict.fromkeys(chosen(f"{kind} in {where}", pattern, names, table.members))
             except UnknownNameError as error:
-                if (
-                    [] not in table.members.values()
-                ):  # else it may be of a grid that is noted itself
+                # else it may be of a grid whose fault is noted itself
+                if [] not in table.members.values():
                     self.note(str(error))
         return list(found)
 
