@@ -252,7 +252,7 @@ class TaskSpaceLaw(Displayed):
         try:
             if len(z_dot) != len(self._measured):
                 raise ValueError
-            self._measured[:] = z_dot
+            self._measured[...] = z_dot
         except (TypeError, ValueError):
             shape = self._measured.shape
             raise UsageError(

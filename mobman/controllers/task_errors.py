@@ -135,8 +135,8 @@ class TaskSpace:
             if len(q) != len(now.q) or len(z) != len(now.z):  # one number would fill all of them
                 raise ValueError
             self._t[0] = t
-            now.q[:] = q
-            now.z[:] = z
+            now.q[...] = q  # takes two thirds of [:]
+            now.z[...] = z
         except (TypeError, ValueError):
             raise UsageError(
                 f"t = {t!r}: q has shape {np.shape(q)} and z {np.shape(z)}; expected {now.q.shape} "

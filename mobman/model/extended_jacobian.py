@@ -206,8 +206,8 @@ class ExtendedJacobian:
             SingularityError: If j has lost its rank.
         """
         now = self.buffers
-        now.q[:] = q
-        now.z[:] = z
+        now.q[...] = q
+        now.z[...] = z
         now.velocity()
         now.run_jacobians()
         self.update()

@@ -285,7 +285,7 @@ class Loop:
             compute_time[tick] = perf_counter() - started
             if type(torque) is not np.ndarray or torque.shape != shape or torque.dtype != double:
                 torque = _checked_torque(torque, v)
-            v[:] = torque
+            v[...] = torque
             if keep_row():
                 samples.ended(t, "the controller's torque is not finite")
                 return
