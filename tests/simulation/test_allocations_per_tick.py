@@ -93,7 +93,8 @@ def test_steps_of_a_controller_leave_nothing_behind(law, name, request, tracing)
     before = tracemalloc.get_traced_memory()[0]
     step(500)
     gc.collect()
-    assert tracemalloc.get_traced_memory()[0] - before < 2000
+    # the least that a step could keep is a reference; libraries keep a kilobyte or two once
+    assert tracemalloc.get_traced_memory()[0] - before < 500 * 8
 
 
 @pytest.mark.parametrize("name", ROBOTS)
