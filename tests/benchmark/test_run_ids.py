@@ -7,7 +7,7 @@ import sys
 
 import pytest
 from support.suites import suite_of
-from support.variants import description, toml, youbot_urdf
+from support.variants import ROLLING, description, toml, youbot_urdf
 
 import mobman as mm
 from mobman.benchmark.work import jobs_of, robot_of
@@ -16,33 +16,13 @@ from mobman.provenance import versions
 from mobman.simulation.disturbances import frictions
 from mobman.simulation.run_spec import RunSpec
 
-PLATFORM = """
-import numpy as np
-
-
-class Body:
-    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "phi_2")
-    velocity_names = ("right", "left")
-    root_offset = (0.0, 0.0, 0.05)
-    R, W = 0.05, 0.158
-
-    def constraint_matrix(self, x):
-        c, s, R, W = np.cos(x[2]), np.sin(x[2]), self.R, self.W
-        return np.array([[s, -c, 0, 0, 0], [c, s, W, -R, 0], [c, s, -W, 0, -R]])
-
-    def velocity_map(self, x):
-        c, s, h = np.cos(x[2]), np.sin(x[2]), self.R / 2
-        turn = h / self.W
-        return np.array([[h * c, h * c], [h * s, h * s], [turn, -turn], [1, 0], [0, 1]])
-"""
-
 
 @pytest.fixture
 def folder(tmp_path):
     """A robot of one's own: its description, its URDF, and its platform in Python."""
     made = tmp_path / "robots"
     made.mkdir()
-    (made / "own.py").write_text(PLATFORM)
+    (made / "own.py").write_text(ROLLING)
     (made / "own.urdf").write_text(youbot_urdf())
     platform = {"type": "custom", "definition": "own.py:Body"}
     content = description(name="own", urdf__path="own.urdf") | {"platform": platform}
@@ -95,7 +75,7 @@ def test_one_robot_at_two_places_is_told(folder):
 def test_code_that_is_edited_meanwhile_is_not_run(folder):
     groups = [{"robots": [str(folder / "own.toml")], "tasks": ["circle"]}]
     (job,) = jobs_of(suite_of(["pseudo-inverse"], groups=groups).runs(), 60.0)
-    (folder / "own.py").write_text(PLATFORM.replace("0.158", "0.159"))
+    (folder / "own.py").write_text(ROLLING.replace("0.158", "0.159"))
     with pytest.raises(MobmanError, match="or its platform's code is not"):
         robot_of(job)
 
@@ -104,14 +84,14 @@ def test_code_in_a_package_is_part_of_it_and_not_imported_to_see(folder, monkeyp
     package = folder / "packages" / "wheeled_things"
     package.mkdir(parents=True)
     (package / "__init__.py").write_text("")
-    (package / "body.py").write_text(PLATFORM)
+    (package / "body.py").write_text(ROLLING)
     monkeypatch.syspath_prepend(folder / "packages")
     toml_file = folder / "own.toml"
     toml_file.write_text(toml_file.read_text().replace("own.py:", "wheeled_things.body:"))
     run = run_of(folder)
     for name in [name for name in sys.modules if name.startswith("wheeled_things")]:
         monkeypatch.delitem(sys.modules, name)
-    (package / "body.py").write_text(PLATFORM.replace("0.158", "0.159"))
+    (package / "body.py").write_text(ROLLING.replace("0.158", "0.159"))
     from mobman.robots.catalogue import find_spec
     from mobman.simulation.run_spec import fingerprint
 

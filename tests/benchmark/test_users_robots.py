@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from support.variants import description, toml, youbot_urdf
+from support.variants import ROLLING, description, toml, youbot_urdf
 
 from mobman.benchmark import expand
 from mobman.benchmark.suite_tables import SuiteTables
@@ -11,25 +11,6 @@ from mobman.errors import SpecError
 from mobman.model.platforms.custom import without_code
 from mobman.toml_model import validate
 
-SOUND = """
-import numpy as np
-
-
-class Body:
-    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "phi_2")
-    velocity_names = ("phi_1_dot", "phi_2_dot")
-
-    def constraint_matrix(self, x):
-        c, s = np.cos(x[2]), np.sin(x[2])
-        return np.array(
-            [[s, -c, 0, 0, 0], [c, s, 0.158, -0.05, 0], [c, s, -0.158, 0, -0.05]]
-        )
-
-    def velocity_map(self, x):
-        c, s, h = np.cos(x[2]), np.sin(x[2]), 0.025
-        turn = h / 0.158
-        return np.array([[h * c, h * c], [h * s, h * s], [turn, -turn], [1, 0], [0, 1]])
-"""
 BROKEN = {"raises": "raise RuntimeError('no licence')", "ends": "raise SystemExit(3)"}
 
 
@@ -41,7 +22,7 @@ def suite(tmp_path, monkeypatch):
     folder = tmp_path / "mobman/robots"
     folder.mkdir(parents=True)
     (folder / "own.urdf").write_text(youbot_urdf())
-    for name, code in {"sound": SOUND, **BROKEN}.items():
+    for name, code in {"sound": ROLLING, **BROKEN}.items():
         (folder / f"{name}.py").write_text(code)
         platform = {"type": "custom", "definition": f"{name}.py:Body"}
         content = description(name=f"users_{name}", urdf__path="own.urdf") | {"platform": platform}

@@ -6,33 +6,13 @@ import json
 import textwrap
 
 import pytest
-from support.variants import description, toml, youbot_urdf
+from support.variants import ROLLING, description, toml, youbot_urdf
 
 import mobman as mm
 from mobman.errors import SpecError
 from mobman.robots import catalogue
 
-CODE = """
-import numpy as np
-
-open({marker!r}, "w").close()
-
-
-class Body:
-    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "phi_2")
-    velocity_names = ("right", "left")
-    root_offset = (0.0, 0.0, 0.05)
-    R, W = 0.05, 0.158
-
-    def constraint_matrix(self, x):
-        c, s, R, W = np.cos(x[2]), np.sin(x[2]), self.R, self.W
-        return np.array([[s, -c, 0, 0, 0], [c, s, W, -R, 0], [c, s, -W, 0, -R]])
-
-    def velocity_map(self, x):
-        c, s, h = np.cos(x[2]), np.sin(x[2]), self.R / 2
-        turn = h / self.W
-        return np.array([[h * c, h * c], [h * s, h * s], [turn, -turn], [1, 0], [0, 1]])
-"""
+CODE = 'open({marker!r}, "w").close()\n' + ROLLING
 SUITE = """
 schema = 1
 name = "own"

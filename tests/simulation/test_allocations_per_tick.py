@@ -89,12 +89,16 @@ def test_kernel_that_would_allocate_does_not_compile():
 def test_steps_of_a_controller_leave_nothing_behind(law, name, request, tracing):
     step = _Stepping(request.getfixturevalue(name), law)
     step(20)
-    gc.collect()  # what waits to be collected is not kept
-    before = tracemalloc.get_traced_memory()[0]
-    step(500)
-    gc.collect()
-    # the least that a step could keep is a reference; libraries keep a kilobyte or two once
-    assert tracemalloc.get_traced_memory()[0] - before < 500 * 8
+
+    def kept():
+        gc.collect()  # what waits to be collected is not kept
+        before = tracemalloc.get_traced_memory()[0]
+        step(500)
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0] - before
+
+    # what libraries and other threads keep once is not there again; what steps keep is
+    assert kept() < 2000 or kept() < 2000
 
 
 @pytest.mark.parametrize("name", ROBOTS)

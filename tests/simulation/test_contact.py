@@ -12,7 +12,7 @@ from support.command_line import mobman
 from support.platforms import PLATFORMS, on
 from support.runs import Torque
 from support.swept import swept
-from support.variants import description, youbot_urdf
+from support.variants import ROLLING, description, youbot_urdf
 
 import mobman as mm
 from mobman.errors import SpecError, UsageError
@@ -363,31 +363,13 @@ def test_a_robot_that_cannot_stand_says_why():
 
 
 def test_a_platform_in_python_that_names_no_wheels_says_so(tmp_path):
-    (tmp_path / "own.py").write_text(WITHOUT_WHEELS, encoding="utf-8")
+    (tmp_path / "own.py").write_text(ROLLING, encoding="utf-8")
     (tmp_path / "youbot.urdf").write_text(youbot_urdf(), encoding="utf-8")
     content = description("youbot", urdf__path="youbot.urdf")
-    platform = {"type": "custom", "definition": "own.py:Rolling"}
+    platform = {"type": "custom", "definition": "own.py:Body"}
     robot = mm.load_robot({**content, "folder": tmp_path, "platform": platform})
     with pytest.raises(SpecError, match=r"names no wheels, .* in the platform's 'wheels'"):
         mm.simulate(robot, "time-delay", "circle", duration=0.01, scenario=_contact())
-
-
-WITHOUT_WHEELS = """
-import numpy as np
-
-
-class Rolling:
-    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "phi_2")
-    velocity_names = ("right", "left")
-
-    def constraint_matrix(self, x):
-        c, s = np.cos(x[2]), np.sin(x[2])
-        return np.array([[s, -c, 0, 0, 0], [c, s, 0.2, -0.05, 0], [c, s, -0.2, 0, -0.05]])
-
-    def velocity_map(self, x):
-        c, s, h = np.cos(x[2]), np.sin(x[2]), 0.025
-        return np.array([[h * c, h * c], [h * s, h * s], [h / 0.2, -h / 0.2], [1, 0], [0, 1]])
-"""
 
 
 def test_a_plant_of_its_usual_kind_leaves_no_trace():

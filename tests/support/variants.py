@@ -11,6 +11,27 @@ from mobman.files import resource_folder
 
 ROBOTS = resource_folder("robots")
 
+ROLLING = """
+import numpy as np
+
+
+class Body:
+    coordinates = ("base_x", "base_y", "base_theta", "phi_1", "phi_2")
+    velocity_names = ("right", "left")
+    root_offset = (0.0, 0.0, 0.05)
+    R, W = 0.05, 0.158
+
+    def constraint_matrix(self, x):
+        c, s, R, W = np.cos(x[2]), np.sin(x[2]), self.R, self.W
+        return np.array([[s, -c, 0, 0, 0], [c, s, W, -R, 0], [c, s, -W, 0, -R]])
+
+    def velocity_map(self, x):
+        c, s, h = np.cos(x[2]), np.sin(x[2]), self.R / 2
+        turn = h / self.W
+        return np.array([[h * c, h * c], [h * s, h * s], [turn, -turn], [1, 0], [0, 1]])
+"""
+"""The youBot's platform in Python, as the class ``Body``."""
+
 
 def description(robot: str = "youbot", /, **changes: Any) -> dict[str, Any]:
     """A robot's TOML as a dictionary; ``platform__alpha="paper"`` changes ``[platform] alpha``.
