@@ -194,8 +194,8 @@ _EARTH = (9.0, 10.0)  # m/s^2
 @check("gravity", "gravity pulls down, and the motors can hold the rest posture")
 def gravity(subject: Subject) -> Findings:
     robot = subject.robot
-    _, bias, b = robot.dynamics(robot.q_rest, np.zeros(robot.nz))
-    holding: Array = robot.actuation(robot.q_rest) @ np.linalg.solve(b, bias)
+    bias = robot.dynamics(robot.q_rest, np.zeros(robot.nz)).bias
+    holding: Array = robot.actuation(robot.q_rest) @ robot.holding_torque(robot.q_rest)
     pull = np.array(subject.model.gravity.linear)
     if np.any(np.abs(pull[:2]) > 1e-9) or not _EARTH[0] <= -pull[2] <= _EARTH[1]:
         yield wrong(

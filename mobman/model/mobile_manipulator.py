@@ -108,6 +108,7 @@ class MobileManipulator(Displayed):
             the controller supposes.
         tip: Name of the end-effector's frame.
         tip_frame: Its index in ``model.frames``.
+        slides: Which coordinates are lengths and no angles, shape (nq,).
         q_rest: Preferred posture, shape (nq,); also the default start.
         criterion_weights: Diagonal of K_F in the posture criterion (12), shape (nq,).
         criterion_couplings: The rest of K_F, shape (nq, nq).
@@ -166,6 +167,9 @@ class MobileManipulator(Displayed):
         tip = model.frames[self.tip_frame]
         self.tip_offset = np.array(tip.placement.translation)
         self.tip_rotation = np.array(tip.placement.rotation, order="C")
+        self.slides = np.zeros(model.nq, dtype=bool)
+        for joint in model.joints[1:]:
+            self.slides[joint.idx_q] = joint.shortname().startswith("JointModelP")
         self.tip_chain = np.zeros(model.nq)
         self.tip_chain[[model.joints[i].idx_v for i in model.supports[tip.parentJoint] if i]] = 1.0
 
@@ -373,6 +377,11 @@ class MobileManipulator(Displayed):
         """Effective inertia at each actuator, diag(B^-1 M B^-T) (kg m^2, kg), shape (nz,)."""
         m, _, b = self.dynamics(q, np.zeros(self.nz))
         return np.diag(np.linalg.solve(b, np.linalg.solve(b, m).T)).copy()
+
+    def holding_torque(self, q: Array) -> Array:
+        """Torque of each motor that holds the robot still, B^-1 G of (17) (N m, N), shape (nz,)."""
+        _, bias, b = self.dynamics(q, np.zeros(self.nz))
+        return np.asarray(np.linalg.solve(b, bias), dtype=float)
 
     def energy(self, q: Array, z: Array) -> float:
         """Kinetic plus potential energy (J)."""

@@ -133,8 +133,7 @@ class TorqueLevel(Piece):
             return entries(self.torque, list(robot.velocity_names), "torque", "motors")
         level = np.full(robot.nz, np.inf)
         if self.acceleration is not None:
-            still = robot.dynamics(robot.q_rest, np.zeros(robot.nz))
-            holding = np.abs(np.linalg.solve(still.B, still.bias))
+            holding = np.abs(robot.holding_torque(robot.q_rest))
             level = holding + self.acceleration * setting.inertia
         if self.factor is not None:
             limit = robot.limits.torque

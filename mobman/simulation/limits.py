@@ -13,8 +13,10 @@ import numpy as np
 
 from mobman.model.mobile_manipulator import MobileManipulator
 from mobman.simulation.metrics import Run, metric
+from mobman.simulation.pieces import Setting
 from mobman.simulation.record import Record
 from mobman.simulation.record_file import APPLIED
+from mobman.simulation.scenario import Scenario
 
 BEYOND = 1e-6
 """Excess from which a position counts as beyond its limit (rad, m), and a ratio less 1: no encoder shows
@@ -90,7 +92,7 @@ def limit_remarks(record: Record, robot: MobileManipulator) -> Iterator[str]:
     ):
         if sizes.max() > most:
             tick, i = np.unravel_index(sizes.argmax(), sizes.shape)
-            unit = "rad" if _turns(robot, joints[i]) else "m"  # of excess
+            unit = "m" if robot.slides[robot.joint_names.index(joints[i])] else "rad"  # of excess
             others = int((sizes.max(axis=0) > most).sum()) - 1
             more = f" ({others} other {kind if others > 1 else kind[:-1]} went beyond theirs)"
             text = (
@@ -102,27 +104,26 @@ def limit_remarks(record: Record, robot: MobileManipulator) -> Iterator[str]:
 def limits_in_the_way(record: Record, robot: MobileManipulator) -> Iterator[str]:
     """Say which limits a run met that no law can help: motors that cannot hold the nominal robot where
     it starts, and the joint that was first at its stop, where there are stops."""
-    limits = robot.limits
-    if record.metrics.get("saturation_share", 0.0) > 0.0:
-        still = robot.dynamics(record.q[0], np.zeros(robot.nz))
-        holding = np.abs(np.linalg.solve(still.B, still.bias))
-        for i in range(robot.n_alpha, robot.nz):
-            if holding[i] > limits.torque[i]:
-                name = robot.velocity_names[i]
+    limits, scenario = robot.limits, Scenario.model_validate(record.spec["scenario"])
+    chain = scenario.actuation_chain(
+        Setting(robot, record.spec["dt"], np.random.default_rng(record.seed))
+    )
+    if chain is not None and chain.level is not None:
+        holding, arm = np.abs(robot.holding_torque(record.q[0])), slice(robot.n_alpha, None)
+        for name, needed, level in zip(
+            robot.velocity_names[arm], holding[arm], chain.level[arm], strict=True
+        ):
+            if needed > level:
+                unit = "N" if robot.slides[robot.joint_names.index(name)] else "N m"
                 yield (
-                    f"{name} cannot hold the robot where it starts: that takes {holding[i]:.3g} of "
-                    f"{limits.torque[i]:.3g} {'N m' if _turns(robot, name) else 'N'}"
+                    f"{name} cannot hold the robot where it starts: that takes {needed:.3g} of "
+                    f"{level:.3g} {unit}"
                 )
     excess = np.maximum(limits.lower - record.q, record.q - limits.upper)
-    if record.spec["scenario"].get("stops") and excess.max() > BEYOND:
+    if scenario.stops and excess.max() > BEYOND:
         tick = int((excess > BEYOND).any(axis=1).argmax())
         name = record.joint_names[excess[tick].argmax()]
         yield f"{name} was the first joint at its stop, at t = {record.t[tick]:.3g} s"
-
-
-def _turns(robot: MobileManipulator, joint: str) -> bool:
-    found = robot.model.joints[robot.model.getJointId(joint)]
-    return bool(found.shortname().startswith("JointModelR"))
 
 
 def unlimited_motors(record: Record) -> list[str]:

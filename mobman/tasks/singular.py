@@ -228,8 +228,7 @@ class _Climb:
     ) -> None:
         self._robot, self._q, self._direction = robot, q, direction
         self._joints = [int(i) for i in robot.arm_index if robot.tip_chain[i] > 0.0]
-        kinds = {joint.idx_q: joint.shortname() for joint in robot.model.joints[1:]}
-        self._slides = {i for i in self._joints if kinds[i].startswith("JointModelP")}
+        self._slides = {i for i in self._joints if robot.slides[i]}
         # a joint's column of C moves those that follow it, too
         self._moves = robot.velocity_map(q)[:, robot.n_alpha :].T
         self._column = {int(i): self._moves[c] for c, i in enumerate(robot.arm_index)}

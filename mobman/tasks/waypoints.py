@@ -374,7 +374,7 @@ def _fastest(robot: MobileManipulator) -> tuple[float, float]:
     lever, speed, turning = float(np.linalg.norm(frame.placement.translation)), 0.0, 0.0
     for joint in reversed(list(model.supports[frame.parentJoint])[1:]):
         i = model.joints[joint].idx_v
-        if model.joints[joint].shortname().startswith("JointModelP"):  # it slides
+        if robot.slides[i]:
             speed += rates[i]
             lever += float(np.abs([limits.lower[i], limits.upper[i]]).max())
         elif rates[i] > 0.0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from support.runs import Torque
 
@@ -124,6 +125,34 @@ def test_limits_that_no_law_can_help_are_said(youbot):
     held = mm.simulate(strong, "tsm", "circle", duration=0.1, scenario="real-limits")
     assert held.metrics["torque_limit_ratio"] < 1.0
     assert list(limits_in_the_way(held, strong)) == []
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.02, []), (0.5, ["9.55 of 4.75 N m"])])
+def test_motor_that_cannot_hold_is_told_by_the_limit_that_acts(youbot, factor, said):
+    saturation = [{"type": "saturation", "factor": factor}]
+    scenario = Scenario(name="s", actuation=saturation)
+    record = mm.simulate(youbot, "tsm", "circle", duration=0.1, scenario=scenario)
+    assert record.metrics["torque_limit_ratio"] > 0.4
+    found = [line for line in limits_in_the_way(record, youbot) if line.startswith("y_2 ")]
+    assert [line.partition("that takes ")[2] for line in found] == said
+
+
+def test_holding_torque_is_the_gradient_of_the_potential_energy(robot):
+    held, step, still = robot.holding_torque(robot.q_rest), 1e-6, np.zeros(robot.nz)
+    C, B = robot.velocity_map(robot.q_rest), robot.actuation(robot.q_rest)
+    gradient = [
+        (robot.energy(robot.q_rest + d, still) - robot.energy(robot.q_rest - d, still)) / (2 * step)
+        for d in step * C.T
+    ]
+    assert C.T @ B @ held == pytest.approx(gradient, abs=1e-4)
+
+
+def test_slides_are_lengths(robot):
+    for name, slides in zip(robot.joint_names, robot.slides, strict=True):
+        joint = robot.model.joints[robot.model.getJointId(name)]
+        data = robot.model.createData()
+        axis = pin.computeJointJacobian(robot.model, data, robot.q_rest, joint.id)[:, joint.idx_v]
+        assert slides == (np.abs(axis[3:]).max() < 1e-9)
 
 
 def test_the_joint_that_is_first_at_its_stop_is_named():
