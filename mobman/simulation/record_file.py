@@ -285,8 +285,8 @@ def _json(content: dict[str, Any]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON can hold of numpy's numbers and arrays, and of whatever a user's controller or task has
-    in it."""
+    """Convert numpy's numbers and arrays, and whatever a user's controller or task has in it, to values
+    of JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         value = value.tolist()
     if isinstance(value, Mapping):
