@@ -130,6 +130,7 @@ METHODS = {
     "reduced_inertia": ("q",),
     "dynamics": ("q", "z"),
     "motor_inertia": ("q",),
+    "holding_torque": ("q",),
     "energy": ("q", "z"),
     "tip_pose": ("q",),
     "arm_origin": ("q",),
